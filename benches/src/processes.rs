@@ -1,0 +1,125 @@
+//! Figures of whole processes: the program as a user starts it, and the bare echo.
+
+use std::env;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Child, ChildStdout, Command, Stdio};
+use std::time::Instant;
+
+use crate::median;
+use crate::telegrams::{ADDRESS, Functionality, exchange, start_up};
+use crate::tty::Port;
+
+const STARTS: usize = 15;
+const RUNS: usize = 9;
+const TURNS: usize = 4000;
+/// What the four telegrams of the start-up are answered with: the short diagnosis, E5, E5, the long one.
+const START_UP_ANSWERS: [usize; 4] = [27, 1, 1, 68];
+
+/// A process with a PTY, ended when this goes.
+struct Server {
+    process: Child,
+    /// Kept open, so that the process can go on printing.
+    _output: BufReader<ChildStdout>,
+    bus: PathBuf,
+    /// From the start to `ready`.
+    milliseconds: f64,
+}
+
+impl Server {
+    /// Starts a program and waits for its `ready`.
+    fn start(program: &Path, words: &[&str]) -> Result<Self, String> {
+        let started = Instant::now();
+        let mut command = Command::new(program);
+        command.args(words).stdin(Stdio::null()).stdout(Stdio::piped());
+        let mut process = command.spawn().map_err(|error| format!("{}: {error}.", program.display()))?;
+        let mut output = BufReader::new(process.stdout.take().ok_or("no standard output")?);
+        let mut bus = PathBuf::new();
+        loop {
+            let mut line = String::new();
+            let read =
+                output.read_line(&mut line).map_err(|error| format!("{}: {error}.", program.display()))?;
+            if read == 0 {
+                let _ = process.kill();
+                let _ = process.wait();
+                return Err(format!("{} {} ended before it was ready.", program.display(), words.join(" ")));
+            }
+            match line.trim().split_once("bus: ") {
+                Some(("", place)) => bus = place.into(),
+                _ if line.trim() == "ready" => break,
+                _ => {}
+            }
+        }
+        let milliseconds = started.elapsed().as_secs_f64() * 1e3;
+        Ok(Self { process, _output: output, bus, milliseconds })
+    }
+
+    /// The program `sch108bex`, built into the same folder as this one.
+    fn encoder(words: &[&str]) -> Result<Self, String> {
+        Self::start(&own_path()?.with_file_name("sch108bex"), words)
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+fn own_path() -> Result<PathBuf, String> {
+    env::current_exe().map_err(|error| format!("This program does not know its own place: {error}."))
+}
+
+/// `sch108bex run` from its start to `ready`, in milliseconds.
+pub(crate) fn start_to_ready() -> Result<f64, String> {
+    let times = (0..STARTS).map(|_| Server::encoder(&["run"]).map(|server| server.milliseconds));
+    times.collect::<Result<_, _>>().map(median)
+}
+
+/// A Data_Exchange with `sch108bex run` over the same octets with a bare echo.
+///
+/// Where the system puts two processes that wake each other decides by itself over a factor of up to
+/// eight, and stays as it is. So every run has new ones, and the medians are over many such throws.
+pub(crate) fn round_trip_ratio() -> Result<f64, String> {
+    let (mut with_encoder, mut with_echo) = (Vec::new(), Vec::new());
+    for _ in 0..RUNS {
+        with_encoder.push(encoder_turn()?);
+        with_echo.push(echo_turn()?);
+    }
+    let (encoder, echo) = (median(with_encoder), median(with_echo));
+    eprintln!("encoder {encoder:.2} us, echo {echo:.2} us");
+    Ok(encoder / echo)
+}
+
+/// The median turn with an encoder, brought to data exchange before.
+fn encoder_turn() -> Result<f64, String> {
+    let switches = format!("{ADDRESS:02X}");
+    let encoder = Server::encoder(&["run", "--switches", &switches, "--shaft", "constant:60"])?;
+    let mut port = Port::open(&encoder.bus)?;
+    let start_up = start_up(Functionality::Class2);
+    for (request, length) in start_up.iter().zip(START_UP_ANSWERS) {
+        port.turn(request.as_slice(), &mut [0; 255][..length])?;
+    }
+    median_turn(&mut port)
+}
+
+/// The median turn with a bare echo.
+fn echo_turn() -> Result<f64, String> {
+    let echo = Server::start(&own_path()?, &["echo"])?;
+    median_turn(&mut Port::open(&echo.bus)?)
+}
+
+/// The median of many turns, in microseconds.
+fn median_turn(port: &mut Port) -> Result<f64, String> {
+    let requests = exchange();
+    // As long as the request: 4 inputs, 4 outputs.
+    let mut answer = [0; Functionality::Class2.answer()];
+    let mut times = Vec::with_capacity(TURNS);
+    for request in requests.iter().cycle().take(TURNS) {
+        let started = Instant::now();
+        port.turn(request.as_slice(), &mut answer)?;
+        times.push(started.elapsed().as_secs_f64() * 1e6);
+    }
+    Ok(median(times))
+}

@@ -1,0 +1,159 @@
+//! The end of a segment: where its octets come from and go to.
+
+use std::fmt;
+use std::io;
+use std::sync::Arc;
+
+use profibus_dp::time::{Baudrate, Duration};
+
+/// What [`End::wait`] came back with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Event {
+    /// So many octets are in the buffer.
+    Octets(usize),
+    /// Somebody new is at the far side, and has set this rate. Comes before his first octets.
+    ///
+    /// `None`: a rate that is none of the ten, or an end that has no rate.
+    Came(Option<Baudrate>),
+    /// The same far side has set another rate. Comes before the octets that follow.
+    Rate(Option<Baudrate>),
+    /// Nobody is at the far side any more; a telegram that was under way will never be complete.
+    Left,
+    /// Something that a user may want to know, and that changes nothing for the segment.
+    Noted(Note),
+    /// A [`Waker`] of this end was used.
+    Woken,
+    /// The time is over, or the end has had something of its own to do.
+    TimedOut,
+}
+
+/// What [`Event::Noted`] is about. Prints as a sentence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Note {
+    /// A second master connected while one was there, and was closed at once.
+    Refused,
+    /// Nobody can be reached at the far side; it is tried again. Told once for each reason.
+    Unreachable(io::ErrorKind),
+    /// A master that knocks cannot be let in; it is tried again. Told once for each reason.
+    NotAccepted(io::ErrorKind),
+}
+
+impl fmt::Display for Note {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Refused => f.write_str("a second master was refused: one is connected already"),
+            Self::Unreachable(why) => {
+                write!(f, "no master can be reached yet ({why}); it is tried again until one can")
+            }
+            Self::NotAccepted(why) => {
+                write!(f, "a master cannot be accepted ({why}); it is tried again until it can")
+            }
+        }
+    }
+}
+
+/// What became of octets given to [`End::write`].
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[must_use]
+pub enum Written {
+    /// All are on their way.
+    All,
+    /// So many were dropped: nobody is there, or he does not read.
+    Dropped(usize),
+}
+
+/// Why an end cannot be used.
+#[derive(Debug, thiserror::Error)]
+pub enum EndError {
+    /// The system gave no pseudo terminal.
+    #[error(
+        "cannot {step} a pseudo terminal: {source}; check that /dev/ptmx and /dev/pts are there and usable"
+    )]
+    Pty {
+        /// What was tried.
+        step: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+    /// A socket cannot be had.
+    #[error("cannot {step} {name}: {source}; {remedy}")]
+    Socket {
+        /// What was tried.
+        step: &'static str,
+        /// With what, as the user wrote it.
+        name: String,
+        /// What the system said, or what was found.
+        source: io::Error,
+        /// What the user can do.
+        remedy: &'static str,
+    },
+    /// The end broke while it was in use.
+    #[error("cannot {step} {name}: {source}; start the segment again")]
+    Broken {
+        /// The end's name.
+        name: String,
+        /// What was tried.
+        step: &'static str,
+        /// What the system said.
+        source: io::Error,
+    },
+}
+
+/// Where a segment's octets come from and go to. One thread uses it.
+pub trait End: Send + fmt::Debug {
+    /// Waits for something to happen, at most for `timeout` (`None`: for ever).
+    ///
+    /// Octets are put at the start of `buffer`, which must not be empty.
+    ///
+    /// # Errors
+    ///
+    /// The end is broken for good; masters that come and go are no errors.
+    fn wait(&mut self, timeout: Option<Duration>, buffer: &mut [u8]) -> Result<Event, EndError>;
+
+    /// Sends octets without ever waiting.
+    ///
+    /// # Errors
+    ///
+    /// The end is broken for good; what nobody takes is [`Written::Dropped`].
+    fn write(&mut self, octets: &[u8]) -> Result<Written, EndError>;
+
+    /// What a user opens to get to the far side, such as `/dev/pts/3`.
+    fn name(&self) -> &str;
+
+    /// Whether masters set a rate here: [`Event::Came`] with `None` is then a rate that is none of
+    /// the ten.
+    fn has_rate(&self) -> bool {
+        true
+    }
+
+    /// Something that ends a [`wait`](Self::wait) from any thread.
+    fn waker(&self) -> Waker;
+}
+
+/// What a kind of end does to end a wait.
+pub trait Wake: Send + Sync {
+    /// Ends the wait that goes on, or the next one.
+    fn wake(&self);
+}
+
+/// Ends the [`End::wait`] of one end, from any thread; clones do the same.
+#[derive(Clone)]
+pub struct Waker(Arc<dyn Wake>);
+
+impl Waker {
+    /// A waker that calls `wake`.
+    pub fn new(wake: Arc<dyn Wake>) -> Self {
+        Self(wake)
+    }
+
+    /// Ends the wait that goes on, or the next one.
+    pub fn wake(&self) {
+        self.0.wake();
+    }
+}
+
+impl fmt::Debug for Waker {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str("Waker")
+    }
+}

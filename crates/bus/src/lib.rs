@@ -1,0 +1,39 @@
+//! PROFIBUS segments on the host.
+//!
+//! A segment owns stations, a clock and an end:
+//!
+//! - [`Segment`] runs in real time on one thread, over an [`End`] that somebody else opens: a
+//!   pseudo terminal ([`PtyEnd`]), a TCP or Unix socket ([`SocketEnd`]) or memory ([`memory::pair`]).
+//! - [`VirtualSegment`] runs the same stations as fast as the computer can, with bus times kept
+//!   exactly.
+//!
+//! It parses every telegram once and hands it to the station it is for. Stations are anything that
+//! implements [`Station`](profibus_dp::Station); this crate knows no device.
+
+#![forbid(unsafe_code)]
+
+mod brisk;
+pub mod clock;
+mod collision;
+pub mod control;
+pub mod end;
+mod line;
+pub mod link;
+pub mod memory;
+pub mod pty;
+pub mod segment;
+pub mod socket;
+mod stations;
+pub mod termination;
+pub mod virtual_segment;
+mod wake;
+
+pub use clock::{VirtualClock, WallClock};
+pub use control::{Commands, Control};
+pub use end::{End, EndError, Event, Note, Waker, Written};
+pub use link::{Link, LinkError};
+pub use memory::MemoryEnd;
+pub use pty::PtyEnd;
+pub use segment::{Counters, Handler, News, RateListener, Segment, Settings};
+pub use socket::{SocketEnd, TcpAddress};
+pub use virtual_segment::{Answer, Reply, ReplyFault, VirtualSegment};

@@ -1,0 +1,300 @@
+//! A segment in real time: one thread, one end, any number of stations.
+//!
+//! A telegram costs at most one poll, one read and one write; nothing is allocated, locked or logged on
+//! its way.
+
+use std::num::NonZeroU64;
+use std::ops::ControlFlow;
+
+use profibus_dp::Station;
+use profibus_dp::time::{Baudrate, Duration, Instant};
+
+use crate::clock::WallClock;
+use crate::collision::collide;
+use crate::control::{self, Commands, Control};
+use crate::end::{End, EndError, Event, Note, Written};
+use crate::line::{Line, Repliers, Waiting, characters, garbage, within};
+
+/// The rate by which bus times are counted at an end that has none.
+pub const DEFAULT_RATE: Baudrate = Baudrate::B500000;
+
+/// A station that can be told the rate, where the end of its segment knows it.
+pub trait RateListener {
+    /// The master's rate, as the end has it: it counts as found at once.
+    ///
+    /// `None`: a rate that is none of the ten, or an end that has no rate; bus times are then
+    /// those of [`DEFAULT_RATE`]. A station with a fixed rate ignores this.
+    fn rate_found(&mut self, now: Instant, rate: Option<Baudrate>);
+}
+
+/// How a segment treats replies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Settings {
+    /// Send a reply only when its last octet would have ended on a bus of the rate in force,
+    /// instead of at once.
+    pub pace: bool,
+    /// A reply that would start later than this is not sent; the master's retry gets it.
+    pub reply_limit: Duration,
+}
+
+impl Default for Settings {
+    /// At once, or within 10 ms.
+    fn default() -> Self {
+        Self { pace: false, reply_limit: Duration::from_millis(10) }
+    }
+}
+
+/// What a segment has counted since it was made.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct Counters {
+    /// Telegrams without fault, of any kind.
+    pub telegrams: u64,
+    /// Replies handed to the end.
+    pub replies: u64,
+    /// Replies dropped because the master had gone on before they could start.
+    pub overtaken: u64,
+    /// Replies dropped because they were older than the reply limit.
+    pub late: u64,
+    /// Replies that two stations gave at once.
+    pub collisions: u64,
+    /// Replies of which the end took none or not all.
+    pub dropped: u64,
+    /// Second masters that the end refused.
+    pub refused: u64,
+}
+
+/// What happened at the far side of a segment's end.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum News {
+    /// A master is there, with this rate (see [`RateListener::rate_found`] for `None`).
+    MasterCame(Option<Baudrate>),
+    /// The master has set another rate.
+    RateChanged(Option<Baudrate>),
+    /// Nobody is there any more.
+    MasterLeft,
+    /// Something that changes nothing for the segment.
+    Noted(Note),
+}
+
+/// What the owner of a running segment does on the segment's thread.
+pub trait Handler<S> {
+    /// What other threads may ask for.
+    type Command;
+
+    /// Carries out a command; `Break` ends [`Segment::run`].
+    fn command(&mut self, segment: &mut Segment<S>, command: Self::Command) -> ControlFlow<()>;
+
+    /// Takes note of masters that come and go.
+    fn news(&mut self, segment: &mut Segment<S>, news: News) {
+        let _ = (segment, news);
+    }
+}
+
+/// Stations on an end that somebody else opens, in real time.
+#[derive(Debug)]
+pub struct Segment<S> {
+    end: Box<dyn End>,
+    clock: WallClock,
+    line: Line<S>,
+    buffer: Box<[u8]>,
+}
+
+impl<S: Station + RateListener> Segment<S> {
+    /// A segment without stations.
+    pub fn new(end: Box<dyn End>, clock: WallClock, settings: Settings) -> Self {
+        let line = Line::new(settings);
+        Self { end, clock, line, buffer: vec![0; 4096].into_boxed_slice() }
+    }
+
+    /// Adds a station, and says by which number it is known here.
+    pub fn add(&mut self, station: S) -> usize {
+        self.line.stations.push(station)
+    }
+
+    /// The stations, in the order they were added.
+    pub fn stations(&self) -> &[S] {
+        self.line.stations.as_slice()
+    }
+
+    /// The stations. What has changed counts once the handler or the caller has returned.
+    pub fn stations_mut(&mut self) -> &mut [S] {
+        self.line.stations.as_mut_slice()
+    }
+
+    /// Ends the segment and gives its stations back.
+    pub fn into_stations(self) -> Vec<S> {
+        self.line.stations.into_vec()
+    }
+
+    /// What a user opens to get to the segment.
+    pub fn name(&self) -> &str {
+        self.end.name()
+    }
+
+    /// The time that stations are told.
+    pub fn now(&self) -> Instant {
+        self.clock.now()
+    }
+
+    /// The rate of the master, where the end knows it.
+    pub fn rate(&self) -> Option<Baudrate> {
+        self.line.rate
+    }
+
+    /// Whether masters set a rate at this end (see [`End::has_rate`]).
+    pub fn has_rate(&self) -> bool {
+        self.end.has_rate()
+    }
+
+    /// What was counted so far.
+    pub fn counters(&self) -> Counters {
+        self.line.counters
+    }
+
+    /// A way for other threads to reach this segment while it runs.
+    pub fn control<C>(&self) -> (Control<C>, Commands<C>) {
+        control::channel(self.end.waker())
+    }
+
+    /// Runs the segment on this thread until it is told to stop.
+    ///
+    /// # Errors
+    ///
+    /// The end broke.
+    pub fn run<H: Handler<S>>(
+        &mut self,
+        commands: &Commands<H::Command>,
+        handler: &mut H,
+    ) -> Result<(), EndError> {
+        // Without it the kernel lets timers be 50 us late. Where it is refused, they are.
+        let _ = rustix::thread::set_current_timer_slack(NonZeroU64::new(1));
+        self.line.stations.refresh_all();
+        // Commands given before are waiting already.
+        let mut woken = true;
+        let mut now = self.clock.now();
+        loop {
+            if woken && self.obey(commands, handler).is_break() {
+                return Ok(());
+            }
+            if now >= self.line.stations.earliest() {
+                self.line.stations.poll(now);
+            }
+            self.go_on_waiting(now)?;
+            let until = self.line.waiting.until().min(self.line.stations.earliest());
+            let timeout = (until != Instant::MAX).then(|| until.since(now));
+            let event = self.end.wait(timeout, &mut self.buffer)?;
+            now = self.clock.now();
+            woken = event == Event::Woken;
+            match event {
+                Event::Octets(count) => self.octets(now, count)?,
+                Event::TimedOut | Event::Woken => {}
+                Event::Came(_) | Event::Rate(_) | Event::Left | Event::Noted(_) => {
+                    self.news(now, event, handler);
+                }
+            }
+        }
+    }
+
+    #[cold]
+    fn obey<H: Handler<S>>(&mut self, commands: &Commands<H::Command>, handler: &mut H) -> ControlFlow<()> {
+        while let Some(command) = commands.next() {
+            let flow = handler.command(self, command);
+            self.line.stations.refresh_all();
+            flow?;
+        }
+        if commands.stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    #[cold]
+    fn news<H: Handler<S>>(&mut self, now: Instant, event: Event, handler: &mut H) {
+        let news = match event {
+            Event::Came(rate) => News::MasterCame(rate),
+            Event::Rate(rate) => News::RateChanged(rate),
+            Event::Noted(note) => News::Noted(note),
+            _ => News::MasterLeft,
+        };
+        match news {
+            News::MasterCame(rate) | News::RateChanged(rate) => {
+                self.line.set_rate(now, rate);
+            }
+            News::MasterLeft => self.line.abandon(),
+            News::Noted(note) => self.line.counters.refused += u64::from(note == Note::Refused),
+        }
+        handler.news(self, news);
+        self.line.stations.refresh_all();
+    }
+
+    /// The path of a telegram: from its octets to those of the reply.
+    #[inline]
+    fn octets(&mut self, now: Instant, count: usize) -> Result<(), EndError> {
+        let octets = self.buffer.get(..count).unwrap_or_default();
+        let Some(window) = self.line.receive(now, octets) else {
+            return Ok(());
+        };
+        if self.line.settings.pace {
+            // The octets came all at once; on a bus they would have come one by one until later.
+            let request = self.line.bus_rate().duration(characters(count));
+            self.line.waiting = Waiting::Start(window.not_before + request);
+            return Ok(());
+        }
+        self.reply(now)
+    }
+
+    /// Goes on with a reply that waits, if its time has come.
+    #[inline]
+    fn go_on_waiting(&mut self, now: Instant) -> Result<(), EndError> {
+        match self.line.waiting {
+            Waiting::Start(due) if due <= now => self.reply(due),
+            Waiting::End(due, length) if due <= now => {
+                self.line.waiting = Waiting::Nothing;
+                let written = self.end.write(self.line.outgoing.get(..length).unwrap_or_default())?;
+                self.line.counters.count_reply(written);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Hands out the reply that was due at `due`, and sends it unless that takes time.
+    #[inline]
+    fn reply(&mut self, due: Instant) -> Result<(), EndError> {
+        let Line { stations, settings, counters, repliers, waiting, outgoing, rate, .. } = &mut self.line;
+        let Repliers { first, second } = std::mem::take(repliers);
+        *waiting = Waiting::Nothing;
+        let Some((at, window)) = first else {
+            return Ok(());
+        };
+        let now = self.clock.now();
+        if now.since(due) > settings.reply_limit {
+            counters.late += 1;
+            return Ok(());
+        }
+        if let Some(second) = second {
+            counters.collisions += 1;
+            let length = garbage(stations, now, [(at, window), second], outgoing);
+            *waiting = Waiting::End(now, length);
+            return Ok(());
+        }
+        let Some(octets) = stations.as_mut_slice()[at].transmit(within(window, now)) else {
+            return Ok(());
+        };
+        if settings.pace {
+            let reply = rate.unwrap_or(DEFAULT_RATE).duration(characters(octets.len()));
+            *waiting = Waiting::End(now + reply, collide(outgoing, 0, octets));
+        } else {
+            let written = self.end.write(octets)?;
+            counters.count_reply(written);
+        }
+        // Handing out the reply may have changed the address of its station.
+        stations.refresh(at);
+        Ok(())
+    }
+}
+
+impl Counters {
+    #[inline]
+    fn count_reply(&mut self, written: Written) {
+        self.replies += 1;
+        self.dropped += u64::from(written != Written::All);
+    }
+}

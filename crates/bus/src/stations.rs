@@ -1,0 +1,134 @@
+//! The stations of a segment, found by their address.
+
+use profibus_dp::Station;
+use profibus_dp::time::{Duration, Instant};
+use profibus_dp::wire::telegram::BROADCAST;
+
+/// A station whose deadline stays in the past is not polled more often than this.
+const LEAST_STEP: Duration = Duration::from_micros(100);
+
+/// "No station", in the lists by address.
+const NONE: u32 = u32::MAX;
+
+/// Stations in the order they were added. Two may share an address: a fault worth simulating.
+#[derive(Debug)]
+pub(crate) struct Stations<S> {
+    list: Vec<S>,
+    /// Where each station is entered.
+    addresses: Vec<Option<u8>>,
+    /// For each address its first station, and for each station the next of the same address.
+    first: [u32; 128],
+    next: Vec<u32>,
+    /// No station has a deadline before this.
+    earliest: Instant,
+}
+
+impl<S: Station> Stations<S> {
+    pub(crate) fn new() -> Self {
+        Self {
+            list: Vec::new(),
+            addresses: Vec::new(),
+            first: [NONE; 128],
+            next: Vec::new(),
+            earliest: Instant::MAX,
+        }
+    }
+
+    pub(crate) fn push(&mut self, station: S) -> usize {
+        self.list.push(station);
+        self.refresh_all();
+        self.list.len() - 1
+    }
+
+    pub(crate) fn as_slice(&self) -> &[S] {
+        &self.list
+    }
+
+    /// After changes through this, [`refresh_all`](Self::refresh_all) is due.
+    pub(crate) fn as_mut_slice(&mut self) -> &mut [S] {
+        &mut self.list
+    }
+
+    pub(crate) fn into_vec(self) -> Vec<S> {
+        self.list
+    }
+
+    /// The stations that answer to `address`; none for the broadcast address.
+    #[inline]
+    pub(crate) fn first_at(&self, address: u8) -> Option<usize> {
+        self.first.get(usize::from(address)).copied().and_then(index)
+    }
+
+    /// The next station with the same address as station `at`.
+    #[inline]
+    pub(crate) fn next_at(&self, at: usize) -> Option<usize> {
+        index(self.next[at])
+    }
+
+    /// Calls into one station, then sees to its deadline and its address.
+    #[inline]
+    pub(crate) fn call<R>(&mut self, at: usize, call: impl FnOnce(&mut S) -> R) -> R {
+        let result = call(&mut self.list[at]);
+        self.refresh(at);
+        result
+    }
+
+    /// Sees to what a call into station `at` may have changed.
+    #[inline]
+    pub(crate) fn refresh(&mut self, at: usize) {
+        let station = &self.list[at];
+        if let Some(deadline) = station.next_deadline() {
+            self.earliest = self.earliest.min(deadline);
+        }
+        if station.address() != self.addresses[at] {
+            self.enter_all();
+        }
+    }
+
+    /// Sees to what calls into any stations may have changed.
+    pub(crate) fn refresh_all(&mut self) {
+        self.find_earliest();
+        self.enter_all();
+    }
+
+    /// No station wants to be polled before this.
+    #[inline]
+    pub(crate) fn earliest(&self) -> Instant {
+        self.earliest
+    }
+
+    /// Polls the stations whose time has come.
+    #[cold]
+    pub(crate) fn poll(&mut self, now: Instant) {
+        for at in 0..self.list.len() {
+            if self.list[at].next_deadline().is_some_and(|deadline| deadline <= now) {
+                self.call(at, |station| station.poll(now));
+            }
+        }
+        self.find_earliest();
+        self.earliest = self.earliest.max(now + LEAST_STEP);
+    }
+
+    fn find_earliest(&mut self) {
+        self.earliest = self.list.iter().filter_map(Station::next_deadline).min().unwrap_or(Instant::MAX);
+    }
+
+    #[cold]
+    fn enter_all(&mut self) {
+        self.first = [NONE; 128];
+        self.next = vec![NONE; self.list.len()];
+        self.addresses = self.list.iter().map(Station::address).collect();
+        for (at, address) in self.addresses.iter().enumerate().rev() {
+            if let Some(address) = address.filter(|&address| address < BROADCAST) {
+                let first = &mut self.first[usize::from(address)];
+                self.next[at] = *first;
+                *first = u32::try_from(at).unwrap_or(NONE);
+            }
+        }
+    }
+}
+
+#[inline]
+fn index(entry: u32) -> Option<usize> {
+    (entry != NONE).then_some(entry as usize)
+}

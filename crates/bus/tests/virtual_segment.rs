@@ -1,0 +1,160 @@
+//! Bus times of virtual segments, and the faults on them.
+
+mod common;
+
+use bus::virtual_segment::idle_time;
+use bus::{Answer, Reply, ReplyFault, VirtualSegment};
+use common::{Listener, STATUS_11, STATUS_11_ANSWER, status, status_answer};
+use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
+
+fn segment(rate: Baudrate) -> VirtualSegment<Listener> {
+    VirtualSegment::new(Instant::ZERO, rate)
+}
+
+fn reply(answer: Answer) -> Reply {
+    match answer {
+        Answer::Reply(reply) => reply,
+        Answer::Silence { until } => panic!("silence until {until:?}"),
+    }
+}
+
+fn silence(answer: &Answer) -> bool {
+    matches!(answer, Answer::Silence { .. })
+}
+
+#[test]
+fn octets_take_eleven_bit_times_and_replies_start_at_min_tsdr() {
+    for rate in Baudrate::ALL {
+        for min_tsdr in [11, 15, 60] {
+            let mut bus = segment(rate);
+            bus.add(Listener::at(11).at_rate(rate).with_min_tsdr(min_tsdr));
+            let reply = reply(bus.send(&STATUS_11));
+            assert_eq!(reply.octets, STATUS_11_ANSWER);
+            // The master's idle time, six octets, and then the station.
+            let asked = Instant::ZERO + rate.duration(idle_time(rate)) + rate.duration(BitTimes(66));
+            assert_eq!(reply.delay, rate.duration(BitTimes(min_tsdr)), "{rate} {min_tsdr}");
+            assert_eq!(reply.start, asked + reply.delay);
+            assert_eq!(reply.end, reply.start + rate.duration(BitTimes(66)));
+            assert_eq!(bus.now(), reply.end);
+            assert!(!reply.damaged);
+        }
+    }
+}
+
+#[test]
+fn silence_lasts_for_the_slot_time() {
+    let mut bus = segment(Baudrate::B1500000);
+    bus.add(Listener::at(11).at_rate(Baudrate::B1500000));
+    let asked = Baudrate::B1500000.duration(BitTimes(37)) + Baudrate::B1500000.duration(BitTimes(66));
+    let until = Instant::ZERO + asked + Baudrate::B1500000.duration(BitTimes(300));
+    assert_eq!(bus.send(&status(12)), Answer::Silence { until });
+    assert_eq!(bus.now(), until);
+
+    // A station that is not allowed to answer within the slot time is not heard.
+    bus.stations_mut()[0].min_tsdr = BitTimes(301);
+    assert!(silence(&bus.send(&STATUS_11)));
+    bus.set_slot_time(BitTimes(301));
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+}
+
+#[test]
+fn stations_at_another_rate_get_line_errors_instead() {
+    let mut bus = segment(Baudrate::B19200);
+    bus.add(Listener::at(11).at_rate(Baudrate::B500000));
+    assert!(silence(&bus.send(&STATUS_11)));
+    assert_eq!(bus.stations()[0].line_errors, 6);
+    assert!(bus.stations()[0].heard.is_empty());
+    bus.set_rate(Baudrate::B500000);
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+    assert_eq!(bus.stations()[0].line_errors, 6);
+}
+
+#[test]
+fn every_other_station_hears_requests_and_replies_but_none_its_own() {
+    let mut bus = segment(Baudrate::B500000);
+    for address in [11, 12] {
+        bus.add(Listener::at(address));
+    }
+    reply(bus.send(&STATUS_11));
+    assert_eq!(bus.stations()[0].heard.len(), 1);
+    assert_eq!(bus.stations()[1].heard.len(), 2);
+    assert_eq!(bus.stations()[1].heard[1], bus.now());
+}
+
+#[test]
+fn stations_are_polled_when_they_want_to_be() {
+    let mut bus = segment(Baudrate::B9600);
+    bus.add(Listener::at(11).at_rate(Baudrate::B9600).polled_every(Duration::from_millis(1)));
+    reply(bus.send(&STATUS_11));
+    bus.wait(Instant::from_millis(100).since(bus.now()));
+    let expected: Vec<_> = (1..=100).map(Instant::from_millis).collect();
+    assert_eq!(bus.stations()[0].polls, expected);
+}
+
+#[test]
+fn a_master_that_goes_on_gets_no_reply_to_what_was_before() {
+    let mut bus = segment(Baudrate::B500000);
+    for address in [11, 12] {
+        bus.add(Listener::at(address));
+    }
+    bus.send_only(&STATUS_11);
+    assert_eq!(reply(bus.send(&status(12))).octets, status_answer(12));
+    bus.send_only(&STATUS_11);
+    bus.send_more(&[0xE5]);
+    assert!(silence(&bus.listen()));
+}
+
+#[test]
+fn a_telegram_with_a_long_gap_in_it_does_not_exist() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    bus.send_only(&STATUS_11[..3]);
+    bus.send_more(&STATUS_11[3..]);
+    assert_eq!(reply(bus.listen()).octets, STATUS_11_ANSWER);
+    bus.send_only(&STATUS_11[..3]);
+    bus.wait(Baudrate::B500000.duration(BitTimes(34)));
+    bus.send_more(&STATUS_11[3..]);
+    assert!(silence(&bus.listen()));
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+}
+
+#[test]
+fn two_stations_with_one_address_collide() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    bus.add(Listener::at(11));
+    let both = reply(bus.send(&STATUS_11));
+    assert!(both.damaged);
+    assert_eq!(both.octets.len(), 6);
+    assert_ne!(both.octets, STATUS_11_ANSWER);
+    assert_eq!(bus.collisions(), 1);
+    // The slower one hears the faster one, and keeps still.
+    bus.stations_mut()[1].min_tsdr = BitTimes(30);
+    let one = reply(bus.send(&STATUS_11));
+    assert!(!one.damaged);
+    assert_eq!(one.octets, STATUS_11_ANSWER);
+    assert_eq!(bus.collisions(), 1);
+}
+
+#[test]
+fn replies_are_lost_damaged_or_doubled_as_asked() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    for fault in [ReplyFault::Lose, ReplyFault::Corrupt { octet: 3, mask: 0x81 }, ReplyFault::Double] {
+        bus.fail_next_reply(fault);
+    }
+    assert!(silence(&bus.send(&STATUS_11)));
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, [0x10, 0x02, 0x0B, 0x81, 0x0D, 0x16]);
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, [STATUS_11_ANSWER, STATUS_11_ANSWER].concat());
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+}
+
+#[test]
+fn a_new_address_counts_from_the_next_telegram_on() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    bus.stations_mut()[0].moves_to = Some(12);
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+    assert!(silence(&bus.send(&STATUS_11)));
+    assert_eq!(reply(bus.send(&status(12))).octets, status_answer(12));
+}

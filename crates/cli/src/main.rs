@@ -1,0 +1,65 @@
+//! `sch108bex`: virtual SCH108BEX encoders on a bus that a PROFIBUS master can open.
+//!
+//! One file for each command. Standard output is for results, standard error for everything else;
+//! the exit status is 0 if all went well, 1 if not, and 2 if the command line was wrong.
+
+#![forbid(unsafe_code)]
+
+mod arguments;
+mod demo;
+mod gsd;
+mod master;
+mod output;
+mod run;
+mod thinning;
+
+use std::process::ExitCode;
+
+use clap::{Parser, Subcommand};
+
+/// The SCH108BEX absolute encoder as software.
+///
+/// Without a command it shows the main job: a virtual encoder that a master finds, gives an address,
+/// parameterizes and reads. Not affiliated with Scancon, the maker of the SCH108BEX.
+#[derive(Debug, Parser)]
+#[command(name = "sch108bex", version)]
+struct Cli {
+    #[command(subcommand)]
+    command: Option<Command>,
+}
+
+#[derive(Debug, Subcommand)]
+enum Command {
+    /// Show a start-up, a turning shaft, a preset, a warning and a refusal, then end
+    Demo,
+    /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP or a Unix socket
+    Run(Box<run::Run>),
+}
+
+/// Why a command did not do what it was asked to.
+#[derive(Debug, thiserror::Error)]
+enum Failure {
+    /// The command line asks for something that cannot be: status 2.
+    #[error("{0}")]
+    Usage(String),
+    /// Something went wrong: status 1.
+    #[error("{0}")]
+    Failed(String),
+}
+
+fn main() -> ExitCode {
+    let result = match Cli::parse().command {
+        None | Some(Command::Demo) => demo::demo(),
+        Some(Command::Run(run)) => run.run(),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            eprintln!("error: {failure}");
+            ExitCode::from(match failure {
+                Failure::Usage(_) => 2,
+                Failure::Failed(_) => 1,
+            })
+        }
+    }
+}

@@ -1,0 +1,18 @@
+//! The program as its users see it: command line, standard output, state file and bus.
+//!
+//! What goes over the bus is written here octet by octet, and what is expected comes from the manual or
+//! by hand: nothing of the program's own telegram code is used.
+
+mod bad_octets;
+mod command_line;
+mod contract;
+mod damaged_state;
+mod demo;
+mod driver;
+mod kill;
+mod master;
+mod pyprofibus;
+mod refusals;
+mod shown;
+mod state;
+mod timing;

@@ -1,0 +1,355 @@
+//! One encoder in its world, as a station for any segment.
+
+use bus::RateListener;
+use profibus_dp::dp::State;
+use profibus_dp::fdl::{BaudSetting, ReceiverMode, Station, Window};
+use profibus_dp::time::{Baudrate, Instant};
+use profibus_dp::wire::Telegram;
+use profibus_dp::wire::telegram::MAX_OCTETS;
+use sch108bex::configuration::Configurations;
+use sch108bex::diagnostics::{Alarms, Warnings};
+use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
+use sch108bex::functionality::Functionality;
+use sch108bex::health::OperatingTime;
+use sch108bex::sensor::ShaftReading;
+use sch108bex::{Device, Identity, PowerOn};
+
+use crate::report::{Reporter, What};
+use crate::shaft::Shaft;
+use crate::store::{Store, StoreError};
+use crate::world::World;
+
+/// The timing that counts where the end of a segment has no rate of its own.
+const RATE_WITHOUT_A_RATE: Baudrate = bus::segment::DEFAULT_RATE;
+
+/// Everything that makes an encoder before it gets power.
+#[derive(Debug)]
+pub struct EncoderSetup {
+    /// Who it is.
+    pub identity: Identity,
+    /// The configurations that it offers.
+    pub configurations: Configurations,
+    /// How it comes to its baud rate.
+    pub rate: Rate,
+    /// Its two termination switches (manual 3.3).
+    pub termination: TerminationSwitches,
+    /// What turns it.
+    pub shaft: Shaft,
+    /// What is around it.
+    pub world: World,
+    /// What keeps its memory.
+    pub store: Store,
+    /// Whom it tells what happens.
+    pub reporter: Reporter,
+}
+
+/// How an encoder comes to its baud rate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Rate {
+    /// It listens at this rate only.
+    Fixed(Baudrate),
+    /// It searches, beginning with this one: on a bus whose octets have a rate, such as a virtual
+    /// segment.
+    Search(Baudrate),
+    /// The master's, where the end of the segment knows it, counts as found at once; 500 kbit/s
+    /// until then, and where the end has none.
+    OfTheEnd,
+}
+
+/// An encoder, its shaft, its world and its memory.
+///
+/// Implements [`Station`]: before every call the latches that matter are taken from the shaft, and
+/// before a reply leaves what must be kept is in the store.
+#[derive(Debug)]
+pub struct EncoderStation {
+    setup: EncoderSetup,
+    /// Boxed, so that a segment finds its stations close together.
+    device: Option<Box<Device<Reporter>>>,
+    /// The rate that the segment's end has told.
+    told_rate: Option<Baudrate>,
+    reply: [u8; MAX_OCTETS],
+}
+
+/// An encoder at one moment.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Snapshot {
+    /// Its name.
+    pub name: String,
+    /// The moment, on the clock of its segment.
+    pub at: Instant,
+    /// Where its switches are.
+    pub switches: RotarySwitches,
+    /// What is around it.
+    pub world: World,
+    /// What turns it.
+    pub shaft: Shaft,
+    /// What the device says of itself; `None` without power.
+    pub device: Option<DeviceSnapshot>,
+}
+
+/// A device under power at one moment.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DeviceSnapshot {
+    /// The station address it answers to.
+    pub address: Option<u8>,
+    /// The rate it listens at.
+    pub baudrate: Baudrate,
+    /// Where the DP state machine stands.
+    pub state: State,
+    /// What was agreed on; `None` outside data exchange.
+    pub functionality: Option<Functionality>,
+    /// In scaled steps, as the input image has it.
+    pub position: u32,
+    /// In the unit of the time base.
+    pub velocity: i32,
+    /// In the unit of the time base.
+    pub acceleration: i32,
+    /// In physical counts, turns included.
+    pub physical_position: i64,
+    /// In scaled steps.
+    pub offset: i32,
+    /// The alarms that are set.
+    pub alarms: Alarms,
+    /// The warnings that are set.
+    pub warnings: Warnings,
+    /// Time under power.
+    pub operating_time: OperatingTime,
+}
+
+impl EncoderStation {
+    /// Puts an encoder into its world; it has power from `now` on if the supply suffices.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read.
+    pub fn new(now: Instant, setup: EncoderSetup) -> Result<Self, StoreError> {
+        let mut station = Self { setup, device: None, told_rate: None, reply: [0; MAX_OCTETS] };
+        station.set_power(now)?;
+        Ok(station)
+    }
+
+    /// Its name.
+    pub fn name(&self) -> &str {
+        self.setup.reporter.who()
+    }
+
+    /// The device, while it has power.
+    pub fn device(&self) -> Option<&Device<Reporter>> {
+        self.device.as_deref()
+    }
+
+    /// Another movement of the shaft, from `now` on.
+    pub fn set_shaft(&mut self, now: Instant, shaft: Shaft) {
+        self.latch(now);
+        self.setup.shaft = shaft;
+    }
+
+    /// The shaft begins its movement at `now`.
+    pub fn start_shaft(&mut self, now: Instant) {
+        self.set_shaft(now, self.setup.shaft.started(now));
+    }
+
+    /// Another world, from `now` on. Too little supply takes the power away, enough gives it back.
+    ///
+    /// # Errors
+    ///
+    /// With power coming back: the store cannot be read.
+    pub fn set_world(&mut self, now: Instant, world: World) -> Result<(), StoreError> {
+        self.setup.world = world;
+        if let Some(device) = &mut self.device {
+            device.measure(now, &world.0);
+            self.keep(now);
+        }
+        self.set_power(now)
+    }
+
+    /// The switches are turned; the device looks at them at its next power-on (manual 3.4).
+    pub fn set_switches(&mut self, switches: RotarySwitches) {
+        self.setup.identity.switches = switches;
+    }
+
+    /// Cuts the power without warning, and gives it back if the supply suffices.
+    ///
+    /// # Errors
+    ///
+    /// The store cannot be read.
+    pub fn power_cycle(&mut self, now: Instant) -> Result<(), StoreError> {
+        self.power_off(now);
+        self.set_power(now)
+    }
+
+    /// An orderly end: what must be kept is written and on the disk.
+    pub fn shut_down(&mut self, now: Instant) {
+        self.latch(now);
+        if let Some(device) = &mut self.device {
+            device.shut_down();
+        }
+        self.keep(now);
+        if let Err(error) = self.setup.store.sync() {
+            self.setup.reporter.tell(now, What::NotStored(error.to_string().into()));
+        }
+    }
+
+    /// What it is like at `now`.
+    pub fn snapshot(&mut self, now: Instant) -> Snapshot {
+        self.latch(now);
+        let device = self.device.as_deref().map(|device| {
+            let sensor = device.sensor();
+            let health = sensor.health();
+            DeviceSnapshot {
+                address: device.address(),
+                baudrate: device.listening_rate(),
+                state: *device.bus().slave().state(),
+                functionality: device.encoder().functionality(),
+                position: sensor.position(),
+                velocity: sensor.velocity(),
+                acceleration: sensor.acceleration(),
+                physical_position: sensor.physical_position(),
+                offset: health.offset,
+                alarms: health.alarms,
+                warnings: health.warnings,
+                operating_time: health.operating_time,
+            }
+        });
+        Snapshot {
+            name: self.name().to_owned(),
+            at: now,
+            switches: self.setup.identity.switches,
+            world: self.setup.world,
+            shaft: self.setup.shaft,
+            device,
+        }
+    }
+
+    fn set_power(&mut self, now: Instant) -> Result<(), StoreError> {
+        match (self.setup.world.is_powered(), self.device.is_some()) {
+            (true, false) => self.power_on(now),
+            (false, true) => {
+                self.power_off(now);
+                Ok(())
+            }
+            _ => Ok(()),
+        }
+    }
+
+    fn power_on(&mut self, now: Instant) -> Result<(), StoreError> {
+        let stored = self.setup.store.load()?;
+        let EncoderSetup { identity, configurations, rate, world, reporter, .. } = &self.setup;
+        let baud = match *rate {
+            Rate::Fixed(rate) => BaudSetting::Fixed(rate),
+            Rate::Search(first) => BaudSetting::Search(first),
+            Rate::OfTheEnd => BaudSetting::Fixed(self.told_rate.unwrap_or(RATE_WITHOUT_A_RATE)),
+        };
+        let power_on = PowerOn {
+            identity: *identity,
+            stored,
+            battery: world.0.battery,
+            baud,
+            receiver: ReceiverMode::Idle,
+        };
+        let device = Device::new(now, power_on, reporter.clone()).offering(*configurations);
+        let mut device = Box::new(device);
+        reporter.tell(now, What::PowerOn(device.address()));
+        device.measure(now, &world.0);
+        self.device = Some(device);
+        self.latch(now);
+        self.keep(now);
+        Ok(())
+    }
+
+    fn power_off(&mut self, now: Instant) {
+        if self.device.take().is_some() {
+            self.setup.reporter.tell(now, What::PowerOff);
+        }
+    }
+
+    /// Takes the latches up to `now` that matter.
+    #[inline]
+    fn latch(&mut self, now: Instant) {
+        let Some(device) = &mut self.device else {
+            return;
+        };
+        while let Some(latch) = device.latch_needed(now) {
+            let counts = self.setup.shaft.at(latch, self.setup.identity.variant);
+            device.sample(latch, ShaftReading::Full(counts));
+        }
+    }
+
+    /// Writes what must be kept by now.
+    #[inline]
+    fn keep(&mut self, now: Instant) {
+        let Some(device) = &mut self.device else {
+            return;
+        };
+        if let Some(record) = device.take_nonvolatile(now) {
+            match self.setup.store.write(&record) {
+                Ok(()) => device.confirm_nonvolatile(),
+                Err(error) => {
+                    device.nonvolatile_failed(now);
+                    self.setup.reporter.tell(now, What::NotStored(error.to_string().into()));
+                }
+            }
+        }
+    }
+}
+
+impl Station for EncoderStation {
+    fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        self.latch(now);
+        self.device.as_mut()?.receive(now, octets)
+    }
+
+    #[inline]
+    fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
+        self.latch(now);
+        self.device.as_mut()?.indicate(now, telegram)
+    }
+
+    fn line_error(&mut self, now: Instant) {
+        self.latch(now);
+        if let Some(device) = &mut self.device {
+            device.line_error(now);
+        }
+    }
+
+    #[inline]
+    fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        let reply = self.device.as_mut()?.transmit(now)?;
+        let length = reply.len();
+        self.reply.get_mut(..length)?.copy_from_slice(reply);
+        // A new address, and an offset unless another was stored within the last second, is in the
+        // store before the master can know of it.
+        self.keep(now);
+        self.reply.get(..length)
+    }
+
+    fn poll(&mut self, now: Instant) {
+        self.latch(now);
+        if let Some(device) = &mut self.device {
+            device.poll(now);
+        }
+        self.keep(now);
+    }
+
+    fn next_deadline(&self) -> Option<Instant> {
+        self.device.as_ref()?.next_deadline()
+    }
+
+    fn listening_rate(&self) -> Baudrate {
+        self.device.as_ref().map_or(RATE_WITHOUT_A_RATE, |device| device.listening_rate())
+    }
+
+    fn address(&self) -> Option<u8> {
+        self.device.as_ref()?.address()
+    }
+}
+
+impl RateListener for EncoderStation {
+    fn rate_found(&mut self, now: Instant, rate: Option<Baudrate>) {
+        let rate = rate.unwrap_or(RATE_WITHOUT_A_RATE);
+        self.told_rate = Some(rate);
+        if let (Rate::OfTheEnd, Some(device)) = (self.setup.rate, &mut self.device) {
+            device.set_baudrate(now, rate);
+        }
+    }
+}

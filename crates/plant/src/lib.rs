@@ -1,0 +1,23 @@
+//! Encoders, their segments, shafts and worlds as one running thing.
+//!
+//! - [`Plant`] runs segments on threads of their own, and is the handle by which everybody else
+//!   reaches them: commands in, [`Snapshot`]s and [`Report`]s out.
+//! - [`EncoderStation`] is one encoder in its world: the device of the crate `sch108bex`, a
+//!   [`Shaft`] that turns it, a [`World`] around it and a [`Store`] that keeps its memory. It is a
+//!   station for any segment, in real or virtual time.
+
+#![forbid(unsafe_code)]
+
+pub mod encoder;
+pub mod plant;
+pub mod report;
+pub mod shaft;
+pub mod store;
+pub mod world;
+
+pub use encoder::{EncoderSetup, EncoderStation, Rate, Snapshot};
+pub use plant::{Plant, PlantError, SegmentSetup};
+pub use report::{Report, Reporter, What};
+pub use shaft::{Shaft, ShaftError};
+pub use store::{Store, StoreError};
+pub use world::World;

@@ -1,0 +1,335 @@
+//! The whole device: bus half, sensor half and non-volatile memory, from power-on to power-off.
+
+use profibus_dp::dp::{Configuration, DpSlave, Slave};
+use profibus_dp::fdl::{BaudSetting, ReceiverMode, Station, Window};
+use profibus_dp::time::{Baudrate, Instant};
+use profibus_dp::wire::Telegram;
+
+use crate::configuration::Configurations;
+use crate::diagnostics::Alarms;
+use crate::encoder::{Encoder, Identity};
+use crate::end_cap::{EffectiveAddress, effective_address};
+use crate::event::{Observer, PositionErrorCause};
+use crate::health::{Battery, Measurement};
+use crate::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot};
+use crate::sensor::ShaftReading;
+use crate::sensor_half::SensorHalf;
+use crate::specification::{SUPPLY_MIN_MV, SUPPLY_OFF_BELOW_MV};
+use crate::write_policy::WritePolicy;
+
+/// The most input and output octets of any functionality (manual 4.3).
+const INPUTS: usize = 12;
+const OUTPUTS: usize = 4;
+
+/// The bus half on whole telegrams.
+type BusHalf<O> = Slave<Encoder<O>, INPUTS, OUTPUTS>;
+
+/// What holds at power-on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PowerOn {
+    /// Who the device is.
+    pub identity: Identity,
+    /// What the non-volatile memory holds.
+    pub stored: Choice,
+    /// The battery that keeps the turn count.
+    pub battery: Battery,
+    /// Baud rate, or the search for it.
+    pub baud: BaudSetting,
+    /// What the receiver sees of the line.
+    pub receiver: ReceiverMode,
+}
+
+/// A record on its way to the non-volatile memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct NonvolatileWrite {
+    /// The slot it goes to; the other keeps the record before.
+    pub slot: Slot,
+    /// What the slot holds then.
+    pub octets: [u8; SLOT_OCTETS],
+}
+
+/// The device under power.
+///
+/// It is a [`Station`] on the bus side. On its other side it takes the shaft
+/// ([`sample`](Self::sample)), the world ([`measure`](Self::measure)) and gives what must be kept
+/// ([`take_nonvolatile`](Self::take_nonvolatile)). A driver
+///
+/// - samples every 500 us from power-on, or (a host) every latch that
+///   [`latch_needed`](Self::latch_needed) names, before each `receive`, `indicate` and `poll`;
+/// - calls `poll` when [`next_deadline`](Station::next_deadline) has come;
+/// - asks for `take_nonvolatile` after every call that may have changed something, and, where it
+///   can, before it puts a reply on the line.
+///
+/// Dropping it is cutting its power.
+#[derive(Debug)]
+pub struct Device<O = ()> {
+    bus: DpSlave<Encoder<O>, INPUTS, OUTPUTS>,
+    sensor: SensorHalf,
+    memory: Memory,
+}
+
+/// The non-volatile memory as seen from the core.
+#[derive(Debug)]
+struct Memory {
+    policy: WritePolicy,
+    /// The supply measured last.
+    supply_mv: i32,
+    sequence: u32,
+    slot: Slot,
+}
+
+impl<O: Observer> Device<O> {
+    /// Switches the device on.
+    pub fn new(now: Instant, power_on: PowerOn, mut observer: O) -> Self {
+        let PowerOn { identity, stored, battery, baud, receiver } = power_on;
+        let (record, sequence, slot) = match stored {
+            Choice::AsDelivered => (Record::as_delivered(identity.variant), 0, Slot::B),
+            Choice::Use { record, sequence, slot, .. } => (record, sequence, slot),
+            Choice::Lost { .. } => (Record::after_damage(identity.variant), 0, Slot::B),
+        };
+        let sensor = SensorHalf::new(now, identity.variant, &record, battery, &mut observer);
+        let stored_address = record.stored_address;
+        let encoder = Encoder::new(identity, stored_address, sensor.health(), observer);
+        let configuration = Configuration {
+            address: effective_address(identity.switches, stored_address).octet(),
+            baud,
+            receiver,
+        };
+        let memory = Memory { policy: WritePolicy::new(now), supply_mv: 0, sequence, slot };
+        let mut device = Self { bus: DpSlave::new(now, configuration, encoder), sensor, memory };
+        device.memory.note_change(&mut device.sensor);
+        device
+    }
+
+    /// Offers other configurations than those of the manual's readings, before a master comes.
+    #[must_use]
+    pub fn offering(mut self, configurations: Configurations) -> Self {
+        self.bus.application_mut().configurations = configurations;
+        self
+    }
+
+    /// The bus half: states, address, parameters.
+    pub const fn bus(&self) -> &DpSlave<Encoder<O>, INPUTS, OUTPUTS> {
+        &self.bus
+    }
+
+    /// The application of the bus half.
+    pub const fn encoder(&self) -> &Encoder<O> {
+        self.bus.application()
+    }
+
+    /// The sensor half: position, motion, health.
+    pub const fn sensor(&self) -> &SensorHalf {
+        &self.sensor
+    }
+
+    /// Whoever is told what happens.
+    pub const fn observer_mut(&mut self) -> &mut O {
+        &mut self.bus.application_mut().observer
+    }
+
+    /// What the switches and the memory make of the address (manual 3.4).
+    pub fn effective_address(&self) -> EffectiveAddress {
+        let encoder = self.encoder();
+        effective_address(encoder.identity().switches, encoder.stored_address())
+    }
+
+    /// One octet that ended at `now`, on a line whose idle times are seen: the path of a UART
+    /// interrupt. [`Station::receive`] with one octet does the same in more steps.
+    #[inline]
+    pub fn receive_octet(&mut self, now: Instant, octet: u8) -> Option<Window> {
+        if self.bus.collect(now, octet) { self.take_collected(now) } else { None }
+    }
+
+    /// An octet has completed a telegram. By itself, so that all other octets are fast.
+    #[inline(never)]
+    fn take_collected(&mut self, now: Instant) -> Option<Window> {
+        let window = self.bus.take_collected(now);
+        self.obey_if_asked(now);
+        window
+    }
+
+    /// Takes the latch that is due at `now`; `false` if none is.
+    #[inline]
+    pub fn sample(&mut self, now: Instant, reading: ShaftReading) -> bool {
+        let encoder = self.bus.application_mut();
+        if !self.sensor.sample(now, reading, &mut encoder.observer) {
+            return false;
+        }
+        encoder.image = *self.sensor.inputs();
+        if self.sensor.alarms() != encoder.health.alarms {
+            self.publish_health();
+        }
+        true
+    }
+
+    /// The earliest latch up to `now` that must be sampled before anything else happens.
+    #[inline]
+    pub fn latch_needed(&self, now: Instant) -> Option<Instant> {
+        self.sensor.latch_needed(now)
+    }
+
+    /// Takes what was measured of the world.
+    ///
+    /// Reading "Operating time": everything is written when the supply falls, below its range and
+    /// once more below what the device runs on.
+    pub fn measure(&mut self, now: Instant, measurement: &Measurement) {
+        let before = core::mem::replace(&mut self.memory.supply_mv, measurement.supply_mv);
+        let falls_below = |limit| measurement.supply_mv < limit && before >= limit;
+        if falls_below(SUPPLY_MIN_MV) || falls_below(SUPPLY_OFF_BELOW_MV) {
+            self.memory.policy.force();
+        }
+        self.sensor.measure(now, measurement, &mut self.bus.application_mut().observer);
+        self.publish_health();
+    }
+
+    /// Raises the position error alarm (manual 4.2.2).
+    pub fn position_error(&mut self, now: Instant, cause: PositionErrorCause) {
+        self.sensor.position_error(now, cause, &mut self.bus.application_mut().observer);
+        self.publish_health();
+    }
+
+    /// The host tells the baud rate: it counts as found.
+    pub fn set_baudrate(&mut self, now: Instant, rate: Baudrate) {
+        self.bus.set_baudrate(now, rate);
+    }
+
+    /// The far side has gone: an unfinished telegram is forgotten.
+    pub fn forget_unfinished(&mut self) {
+        self.bus.forget_unfinished();
+    }
+
+    /// What is to be written now. It must be confirmed within 40 ms, or told to have failed.
+    pub fn take_nonvolatile(&mut self, now: Instant) -> Option<NonvolatileWrite> {
+        let memory = &mut self.memory;
+        if self.bus.application_mut().take_address_change() {
+            memory.policy.force();
+        }
+        // A latch may have ended what a power-on began: the turn count is known again.
+        memory.note_change(&mut self.sensor);
+        if !memory.policy.take(now) {
+            return None;
+        }
+        memory.sequence = memory.sequence.wrapping_add(1);
+        memory.slot = memory.slot.other();
+        let record = self.sensor.record(now, self.bus.application().stored_address());
+        Some(NonvolatileWrite { slot: memory.slot, octets: record.encode(memory.sequence) })
+    }
+
+    /// The record taken is in the memory.
+    pub fn confirm_nonvolatile(&mut self) {
+        self.memory.policy.confirm();
+    }
+
+    /// The record taken could not be written; it will be tried again, to the same slot.
+    pub fn nonvolatile_failed(&mut self, now: Instant) {
+        self.memory.slot = self.memory.slot.other();
+        self.memory.policy.failed(now);
+    }
+
+    /// The end is near and known: everything is to be written without delay.
+    pub fn shut_down(&mut self) {
+        self.memory.policy.force();
+    }
+
+    fn obey_if_asked(&mut self, now: Instant) {
+        if self.bus.application().is_demanding() {
+            obey(self.bus.slave_mut(), &mut self.sensor, &mut self.memory, now);
+        }
+    }
+
+    fn publish_health(&mut self) {
+        publish_health(self.bus.slave_mut(), &mut self.sensor, &mut self.memory);
+    }
+}
+
+/// Lets the sensor half do what the bus asked for.
+#[cold]
+#[inline(never)]
+fn obey<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, memory: &mut Memory, now: Instant) {
+    let encoder = slave.application_mut();
+    while let Some(demand) = encoder.take_demand() {
+        sensor.obey(now, demand, &mut encoder.observer);
+    }
+    encoder.image = *sensor.inputs();
+    publish_health(slave, sensor, memory);
+}
+
+/// Carries alarms, warnings, operating time and offset over to the bus half.
+///
+/// Reading "Alarms, warnings": answers are high priority after any change of a bit that is sent,
+/// until the owner has fetched it.
+#[cold]
+#[inline(never)]
+fn publish_health<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, memory: &mut Memory) {
+    let health = sensor.health();
+    let encoder = slave.application_mut();
+    let before = core::mem::replace(&mut encoder.health, health);
+    let warnings_changed = encoder.sends_warnings() && before.warnings != health.warnings;
+    if before.alarms != health.alarms || warnings_changed {
+        slave.diagnosis_changed();
+    }
+    // Reading "Position error": stored at once.
+    if (health.alarms - before.alarms).contains(Alarms::POSITION_ERROR) {
+        memory.policy.force();
+    }
+    memory.note_change(sensor);
+}
+
+impl Memory {
+    fn note_change(&mut self, sensor: &mut SensorHalf) {
+        if sensor.take_record_change() {
+            self.policy.change();
+        }
+    }
+}
+
+impl<O: Observer> Station for Device<O> {
+    #[inline]
+    fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        let Self { bus, sensor, memory } = self;
+        // After each telegram: a preset belongs to the scaling before new parameters.
+        bus.receive_then(now, octets, |slave, at| {
+            if slave.application().is_demanding() {
+                obey(slave, sensor, memory, at);
+            }
+        })
+    }
+
+    #[inline]
+    fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
+        let window = self.bus.indicate(now, telegram);
+        self.obey_if_asked(now);
+        window
+    }
+
+    fn line_error(&mut self, now: Instant) {
+        self.bus.line_error(now);
+    }
+
+    #[inline]
+    fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        self.bus.transmit(now)
+    }
+
+    fn poll(&mut self, now: Instant) {
+        self.bus.poll(now);
+        self.obey_if_asked(now);
+        self.sensor.poll(now, &mut self.bus.application_mut().observer);
+        self.publish_health();
+    }
+
+    fn next_deadline(&self) -> Option<Instant> {
+        let deadlines =
+            [self.bus.next_deadline(), self.sensor.next_deadline(), self.memory.policy.next_deadline()];
+        deadlines.into_iter().flatten().min()
+    }
+
+    fn listening_rate(&self) -> Baudrate {
+        self.bus.listening_rate()
+    }
+
+    fn address(&self) -> Option<u8> {
+        self.bus.address()
+    }
+}

@@ -1,0 +1,204 @@
+//! `cargo xtask bench`: the figures that the project promises, and their limits.
+
+use std::fmt::Write as _;
+use std::fs;
+
+use crate::measure::{ABSENT, Source, measure};
+use crate::project::Project;
+use crate::setup::Tools;
+use crate::steps::Run;
+use crate::tally::Tally;
+
+/// One promised figure.
+#[derive(Debug)]
+struct Figure {
+    name: &'static str,
+    unit: &'static str,
+    limit: Option<f64>,
+    source: Source,
+}
+
+const fn figure(name: &'static str, unit: &'static str, limit: Option<f64>, source: Source) -> Figure {
+    Figure { name, unit, limit, source }
+}
+
+const FIGURES: [Figure; 12] = [
+    figure("data_exchange_4_in_instructions", "instructions", Some(320.0), Source::Callgrind("exchange-4")),
+    figure("data_exchange_12_in_instructions", "instructions", Some(340.0), Source::Callgrind("exchange-12")),
+    figure("sample_instructions", "instructions", None, Source::Callgrind("sample")),
+    figure("data_exchange_4_in_over_limit", "ratio", Some(3.0), Source::Timed("over-limit")),
+    figure("foreign_telegram_6_instructions", "instructions", Some(90.0), Source::Callgrind("foreign-6")),
+    figure(
+        "foreign_telegram_255_instructions",
+        "instructions",
+        Some(400.0),
+        Source::Callgrind("foreign-255"),
+    ),
+    figure("m4_octet_instructions", "instructions", Some(60.0), Source::M4),
+    figure("m4_reply_instructions", "instructions", Some(230.0), Source::M4),
+    figure("m4_sample_instructions", "instructions", Some(300.0), Source::M4),
+    figure("pty_round_trip_ratio", "ratio", Some(1.25), Source::Program("round-trip")),
+    figure("start_to_ready_ms", "ms", Some(20.0), Source::Program("start")),
+    figure("device_ram_octets", "octets", Some(1536.0), Source::Host("ram")),
+];
+
+/// What the command line asks for.
+#[derive(Debug, Default)]
+pub(crate) struct Options {
+    only: Option<String>,
+    gate: bool,
+}
+
+impl Options {
+    /// `--only NAME`, `--gate`; `None` for anything else.
+    pub(crate) fn parse(words: &[&str]) -> Option<Self> {
+        let mut options = Self::default();
+        let mut words = words.iter();
+        while let Some(word) = words.next() {
+            match *word {
+                "--gate" => options.gate = true,
+                "--only" => options.only = Some((*words.next()?).into()),
+                _ => return None,
+            }
+        }
+        Some(options)
+    }
+}
+
+/// A figure as measured; without a value where a tool is missing.
+struct Measured {
+    figure: &'static Figure,
+    value: Result<f64, String>,
+}
+
+impl Measured {
+    fn over(&self) -> bool {
+        matches!((&self.value, self.figure.limit), (Ok(value), Some(limit)) if *value > limit)
+    }
+
+    fn verdict(&self) -> &str {
+        match (&self.value, self.figure.limit) {
+            (Err(reason), _) => reason.lines().next().unwrap_or("not measured"),
+            (_, None) => "-",
+            _ if self.over() => "OVER",
+            _ => "within",
+        }
+    }
+}
+
+/// Measures, prints a table, writes `target/bench.json`.
+///
+/// # Errors
+///
+/// When a figure cannot be measured, or with `--gate` is over its limit.
+pub(crate) fn run(project: &Project, options: &Options) -> Result<(), String> {
+    let wanted = |figure: &&'static Figure| options.only.as_ref().is_none_or(|only| only == figure.name);
+    let figures: Vec<&'static Figure> = FIGURES.iter().filter(wanted).collect();
+    if figures.is_empty() {
+        let names: Vec<&str> = FIGURES.iter().map(|figure| figure.name).collect();
+        return Err(format!("There is no such figure. There are: {}.", names.join(", ")));
+    }
+    let measured = take(project, &Tools::find(project), &figures)?;
+    let unmeasured = measured.iter().filter(|figure| figure.value.is_err()).count();
+    let over = measured.iter().filter(|figure| figure.over()).count();
+    let absent =
+        measured.iter().any(|one| one.value.as_ref().is_err_and(|reason| reason.starts_with(ABSENT)));
+    match (over, unmeasured) {
+        (1.., _) if options.gate => Err(format!("{over} over the limit.")),
+        (_, 0) => Ok(()),
+        _ if absent => Err("To install what is missing: cargo xtask setup --yes".into()),
+        _ => Err(format!("{unmeasured} not measured.")),
+    }
+}
+
+/// The figures as a step of `cargo xtask test`: counts are judged always, times only in
+/// continuous integration, where they have seven attempts.
+pub(crate) fn gate(run: &Run<'_>) -> Result<Tally, String> {
+    let figures: Vec<&'static Figure> = FIGURES.iter().collect();
+    let measured = take(run.project, &run.tools, &figures)?;
+    let mut tally = Tally::default();
+    for one in &measured {
+        match (&one.value, one.figure.source) {
+            (Err(reason), _) if reason.starts_with(ABSENT) => tally.skip(one.figure.name, reason),
+            (Err(reason), _) => {
+                println!("{}: {reason}", one.figure.name);
+                tally.check(one.figure.name, false);
+            }
+            (Ok(_), Source::Timed(_) | Source::Program(_)) if !run.project.ci => {}
+            (Ok(_), _) if one.figure.limit.is_none() => {}
+            (Ok(value), _) => {
+                tally.check(format!("{} is {value:.2}", one.figure.name), !one.over());
+            }
+        }
+    }
+    Ok(tally)
+}
+
+/// Measures, and leaves the table on the screen and in `target/bench.json`.
+fn take(project: &Project, tools: &Tools, figures: &[&'static Figure]) -> Result<Vec<Measured>, String> {
+    let wanted: Vec<_> = figures.iter().map(|figure| (figure.name, figure.source, figure.limit)).collect();
+    let values = measure(project, tools, &wanted)?;
+    let measured: Vec<_> =
+        figures.iter().zip(values).map(|(figure, value)| Measured { figure, value }).collect();
+    print!("{}", table(&measured));
+    let path = project.target.join("bench.json");
+    fs::write(&path, json(&measured))
+        .map_err(|error| format!("{} cannot be written: {error}.", path.display()))?;
+    Ok(measured)
+}
+
+fn table(measured: &[Measured]) -> String {
+    let mut text = format!("{:<34} {:>10} {:<12} {:>8}  {}\n", "name", "value", "unit", "limit", "verdict");
+    for one in measured {
+        let value = one.value.as_ref().map_or_else(|_| "-".into(), |value| digits(*value));
+        let limit = one.figure.limit.map_or_else(|| "-".into(), digits);
+        let (name, unit, verdict) = (one.figure.name, one.figure.unit, one.verdict());
+        let _ = writeln!(text, "{name:<34} {value:>10} {unit:<12} {limit:>8}  {verdict}");
+    }
+    text
+}
+
+fn json(measured: &[Measured]) -> String {
+    let rows = measured.iter().filter_map(|one| {
+        let value = digits(*one.value.as_ref().ok()?);
+        Some(format!(
+            "  {{\"name\": \"{}\", \"value\": {value}, \"unit\": \"{}\"}}",
+            one.figure.name, one.figure.unit
+        ))
+    });
+    format!("[\n{}\n]\n", rows.collect::<Vec<_>>().join(",\n"))
+}
+
+/// Whole where it is whole, else two places.
+fn digits(value: f64) -> String {
+    if value.fract().abs() < 0.005 { format!("{value:.0}") } else { format!("{value:.2}") }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_options_are_read() {
+        let options = Options::parse(&["--gate", "--only", "device_ram_octets"]).unwrap();
+        assert!(options.gate);
+        assert_eq!(options.only.as_deref(), Some("device_ram_octets"));
+        assert!(Options::parse(&["--only"]).is_none());
+        assert!(Options::parse(&["--fast"]).is_none());
+    }
+
+    #[test]
+    fn what_was_measured_is_judged_and_written() {
+        let ratio = figure("ratio", "ratio", Some(1.25), Source::M4);
+        let ratio: &'static Figure = Box::leak(Box::new(ratio));
+        let of = |value| Measured { figure: ratio, value };
+        let all = [of(Ok(1.2)), of(Ok(1.26)), of(Err("no valgrind".into()))];
+        assert_eq!(all.each_ref().map(Measured::verdict), ["within", "OVER", "no valgrind"]);
+        assert_eq!(
+            json(&all[..2]),
+            "[\n  {\"name\": \"ratio\", \"value\": 1.20, \"unit\": \"ratio\"},\n  \
+             {\"name\": \"ratio\", \"value\": 1.26, \"unit\": \"ratio\"}\n]\n"
+        );
+        assert!(table(&all).contains("OVER"));
+    }
+}

@@ -1,0 +1,71 @@
+//! The project's own tasks: `cargo xtask setup | check | test | bench | traceability`.
+
+mod bench;
+mod debian;
+mod measure;
+mod no_panic;
+mod process;
+mod project;
+mod setup;
+mod steps;
+mod tally;
+mod thumb;
+mod traceability;
+
+use std::env;
+use std::process::ExitCode;
+
+use project::Project;
+
+const USAGE: &str = "\
+Usage: cargo xtask TASK
+
+  setup [--yes]              what the tests need beside Rust: says what is missing, installs it with --yes
+  check                      every day, some minutes: format, lints, tests that need nothing but Rust
+  test [STEP]                everything, as continuous integration runs it; or one step of it
+  bench [--only NAME] [--gate]
+                             the figures, also in target/bench.json; --gate: exit 1 over a limit
+  traceability               every requirement has tests, and they exist";
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = env::args().skip(1).collect();
+    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let Some(task) = task(&words) else {
+        eprintln!("{USAGE}");
+        return ExitCode::from(2);
+    };
+    match Project::find().and_then(|project| task(&project)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(text) => {
+            eprintln!("{text}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+type Task = Box<dyn FnOnce(&Project) -> Result<(), String>>;
+
+fn task(words: &[&str]) -> Option<Task> {
+    Some(match words {
+        ["setup"] => Box::new(|project| setup::setup(project, false).map(drop)),
+        ["setup", "--yes"] => Box::new(|project| setup::setup(project, true).map(drop)),
+        ["check"] => Box::new(steps::check),
+        ["test"] => Box::new(|project| steps::test(project, None)),
+        ["test", step] => {
+            let step = step.to_string();
+            Box::new(move |project| steps::test(project, Some(&step)))
+        }
+        ["traceability"] => {
+            Box::new(|project| traceability::check(&project.root).map(|found| println!("{found}")))
+        }
+        ["bench", options @ ..] => {
+            let options = bench::Options::parse(options)?;
+            Box::new(move |project| bench::run(project, &options))
+        }
+        ["help" | "--help" | "-h"] => Box::new(|_| {
+            println!("{USAGE}");
+            Ok(())
+        }),
+        _ => return None,
+    })
+}

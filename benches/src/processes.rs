@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
 use std::time::Instant;
 
+use rustix::thread::{CpuSet, sched_getaffinity, sched_setaffinity};
+
 use crate::median;
 use crate::telegrams::{ADDRESS, Functionality, exchange, start_up};
 use crate::tty::Port;
@@ -80,22 +82,60 @@ pub(crate) fn start_to_ready() -> Result<f64, String> {
 /// A Data_Exchange with `sch108bex run` over the same octets with a bare echo.
 ///
 /// Where the system puts two processes that wake each other decides by itself over a factor of up to
-/// eight, and stays as it is. So every run has new ones, and the medians are over many such throws.
+/// eight, and stays as it is. So the master has one processor and its far side another, whichever of the
+/// two that is.
 pub(crate) fn round_trip_ratio() -> Result<f64, String> {
+    let places = Places::of_this_machine()?;
     let (mut with_encoder, mut with_echo) = (Vec::new(), Vec::new());
     for _ in 0..RUNS {
-        with_encoder.push(encoder_turn()?);
-        with_echo.push(echo_turn()?);
+        with_encoder.push(encoder_turn(&places)?);
+        with_echo.push(echo_turn(&places)?);
     }
     let (encoder, echo) = (median(with_encoder), median(with_echo));
     eprintln!("encoder {encoder:.2} us, echo {echo:.2} us");
     Ok(encoder / echo)
 }
 
+/// Which processors the two sides of a round trip have.
+struct Places {
+    master: CpuSet,
+    far_side: CpuSet,
+}
+
+impl Places {
+    /// One for each; where this process may use one only, that one for both.
+    fn of_this_machine() -> Result<Self, String> {
+        let allowed = sched_getaffinity(None).map_err(no_places)?;
+        let mut usable = (0..CpuSet::MAX_CPU).filter(|&processor| allowed.is_set(processor));
+        let first = usable.next().unwrap_or(0);
+        let second = usable.next().unwrap_or(first);
+        let only = |processor| {
+            let mut set = CpuSet::new();
+            set.set(processor);
+            set
+        };
+        Ok(Self { master: only(first), far_side: only(second) })
+    }
+
+    /// Starts a far side in its place, and goes to the master's.
+    fn start(&self, start: impl FnOnce() -> Result<Server, String>) -> Result<Server, String> {
+        // What is started inherits the place of who starts it, with all its threads.
+        sched_setaffinity(None, &self.far_side).map_err(no_places)?;
+        let server = start();
+        sched_setaffinity(None, &self.master).map_err(no_places)?;
+        server
+    }
+}
+
+fn no_places(error: rustix::io::Errno) -> String {
+    format!("Processes cannot be kept on their processors: {error}.")
+}
+
 /// The median turn with an encoder, brought to data exchange before.
-fn encoder_turn() -> Result<f64, String> {
+fn encoder_turn(places: &Places) -> Result<f64, String> {
     let switches = format!("{ADDRESS:02X}");
-    let encoder = Server::encoder(&["run", "--switches", &switches, "--shaft", "constant:60"])?;
+    let encoder =
+        places.start(|| Server::encoder(&["run", "--switches", &switches, "--shaft", "constant:60"]))?;
     let mut port = Port::open(&encoder.bus)?;
     let start_up = start_up(Functionality::Class2);
     for (request, length) in start_up.iter().zip(START_UP_ANSWERS) {
@@ -105,8 +145,8 @@ fn encoder_turn() -> Result<f64, String> {
 }
 
 /// The median turn with a bare echo.
-fn echo_turn() -> Result<f64, String> {
-    let echo = Server::start(&own_path()?, &["echo"])?;
+fn echo_turn(places: &Places) -> Result<f64, String> {
+    let echo = places.start(|| Server::start(&own_path()?, &["echo"]))?;
     median_turn(&mut Port::open(&echo.bus)?)
 }
 

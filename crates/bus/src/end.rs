@@ -11,6 +11,8 @@ use profibus_dp::time::{Baudrate, Duration};
 pub enum Event {
     /// So many octets are in the buffer.
     Octets(usize),
+    /// A character with a parity or framing error; what was octets before it has been told.
+    LineError,
     /// Somebody new is at the far side, and has set this rate. Comes before his first octets.
     ///
     /// `None`: a rate that is none of the ten, or an end that has no rate.
@@ -86,6 +88,26 @@ pub enum EndError {
         source: io::Error,
         /// What the user can do.
         remedy: &'static str,
+    },
+    /// A serial device cannot be used.
+    #[error("cannot {step} {name}: {source}; {remedy}")]
+    Device {
+        /// What was tried.
+        step: &'static str,
+        /// Its path.
+        name: String,
+        /// What the system said, or what was found.
+        source: io::Error,
+        /// What the user can do.
+        remedy: String,
+    },
+    /// A port that does not serve the purpose.
+    #[error("{name} does not serve here: {why}")]
+    Unfit {
+        /// The port, as the user wrote it.
+        name: String,
+        /// Why, and what to write instead.
+        why: &'static str,
     },
     /// The end broke while it was in use.
     #[error("cannot {step} {name}: {source}; start the segment again")]

@@ -3,7 +3,8 @@
 //! A segment owns stations, a clock and an end:
 //!
 //! - [`Segment`] runs in real time on one thread, over an [`End`] that somebody else opens: a
-//!   pseudo terminal ([`PtyEnd`]), a TCP or Unix socket ([`SocketEnd`]) or memory ([`memory::pair`]).
+//!   pseudo terminal ([`PtyEnd`]), a serial device ([`SerialEnd`]), a TCP or Unix socket
+//!   ([`SocketEnd`]) or memory ([`memory::pair`]). [`port`] opens them by the names users write.
 //! - [`VirtualSegment`] runs the same stations as fast as the computer can, with bus times kept
 //!   exactly.
 //!
@@ -20,8 +21,10 @@ pub mod end;
 mod line;
 pub mod link;
 pub mod memory;
+pub mod port;
 pub mod pty;
 pub mod segment;
+pub mod serial;
 pub mod socket;
 mod stations;
 pub mod termination;
@@ -33,7 +36,9 @@ pub use control::{Commands, Control};
 pub use end::{End, EndError, Event, Note, Waker, Written};
 pub use link::{Link, LinkError};
 pub use memory::MemoryEnd;
+pub use port::{PortAddress, PortError, open_for_master, open_for_slaves};
 pub use pty::PtyEnd;
 pub use segment::{Counters, Handler, News, RateListener, Segment, Settings};
+pub use serial::SerialEnd;
 pub use socket::{SocketEnd, TcpAddress};
 pub use virtual_segment::{Answer, Reply, ReplyFault, VirtualSegment};

@@ -90,6 +90,21 @@ impl<S: Station + RateListener> Line<S> {
         self.repliers = Repliers::default();
     }
 
+    /// A character with an error ended: whatever it belonged to is no telegram.
+    #[cold]
+    pub(crate) fn line_error(&mut self, now: Instant) {
+        if self.waiting != Waiting::Nothing {
+            self.waiting = Waiting::Nothing;
+            self.counters.overtaken += 1;
+        }
+        self.repliers = Repliers::default();
+        self.counters.line_errors += 1;
+        self.receiver.line_error(now);
+        for at in 0..self.stations.as_slice().len() {
+            self.stations.call(at, |station| station.line_error(now));
+        }
+    }
+
     /// The rate by which bus times are counted.
     pub(crate) fn bus_rate(&self) -> Baudrate {
         self.rate.unwrap_or(DEFAULT_RATE)

@@ -59,6 +59,8 @@ pub struct Counters {
     pub collisions: u64,
     /// Replies of which the end took none or not all.
     pub dropped: u64,
+    /// Characters with a parity or framing error.
+    pub line_errors: u64,
     /// Second masters that the end refused.
     pub refused: u64,
 }
@@ -187,6 +189,7 @@ impl<S: Station + RateListener> Segment<S> {
             woken = event == Event::Woken;
             match event {
                 Event::Octets(count) => self.octets(now, count)?,
+                Event::LineError => self.line.line_error(now),
                 Event::TimedOut | Event::Woken => {}
                 Event::Came(_) | Event::Rate(_) | Event::Left | Event::Noted(_) => {
                     self.news(now, event, handler);

@@ -12,6 +12,7 @@
 
 mod address;
 mod connect;
+mod dial;
 mod open;
 mod retry;
 
@@ -60,6 +61,10 @@ pub struct SocketEnd {
 enum Source {
     Listen(Listener),
     Connect(Connector),
+    /// Was connected from the beginning; once lost, nothing comes any more.
+    Dialled {
+        unannounced: bool,
+    },
 }
 
 #[derive(Debug)]
@@ -106,6 +111,31 @@ impl SocketEnd {
         Self::new(format!("tcp:{address}"), Source::Connect(connector))
     }
 
+    /// Connects to a TCP port where somebody listens, once. The [`name`](End::name) is
+    /// `tcp:ADDRESS:PORT`.
+    ///
+    /// # Errors
+    ///
+    /// The address is not known, or nobody listens there.
+    pub fn dial_tcp(address: &TcpAddress) -> Result<Self, EndError> {
+        Self::dialled(format!("tcp:{address}"), dial::tcp(address)?)
+    }
+
+    /// Connects to a Unix socket where somebody listens, once. The [`name`](End::name) is `unix:PATH`.
+    ///
+    /// # Errors
+    ///
+    /// There is no such socket, or nobody listens on it.
+    pub fn dial_unix(path: &Path) -> Result<Self, EndError> {
+        Self::dialled(format!("unix:{}", path.display()), dial::unix(path)?)
+    }
+
+    fn dialled(name: String, socket: OwnedFd) -> Result<Self, EndError> {
+        let mut end = Self::new(name, Source::Dialled { unannounced: true })?;
+        end.welcome(socket);
+        Ok(end)
+    }
+
     fn new(name: String, source: Source) -> Result<Self, EndError> {
         match EventFd::new() {
             Ok(wake) => Ok(Self {
@@ -126,6 +156,11 @@ impl SocketEnd {
     fn serve(&mut self, timeout: Option<Duration>, buffer: &mut [u8]) -> Result<Event, Errno> {
         if let Source::Listen(Listener { knock: true, .. }) = self.source {
             return self.open_door();
+        }
+        if let Source::Dialled { unannounced } = &mut self.source
+            && std::mem::take(unannounced)
+        {
+            return Ok(Event::Came(None));
         }
         let Some(master) = &self.master else {
             return Ok(Event::TimedOut);
@@ -208,10 +243,11 @@ impl SocketEnd {
 
     /// Looks for a master to connect to.
     fn go_and_look(&mut self, timeout: Option<Duration>) -> Result<Event, Errno> {
-        let Source::Connect(connector) = &self.source else {
-            return Ok(Event::TimedOut);
-        };
         let wake = PollFd::new(&*self.wake, PollFlags::IN);
+        let Source::Connect(connector) = &self.source else {
+            let [woken] = ready([wake], timeout)?;
+            return Ok(if woken { self.woken() } else { Event::TimedOut });
+        };
         let [woken, go_on] = if let Some((socket, left)) = connector.attempt() {
             let [woken, done] =
                 ready([wake, PollFd::new(socket, PollFlags::OUT)], shorter(timeout, Some(left)))?;
@@ -223,10 +259,14 @@ impl SocketEnd {
             [false, true]
         };
         if woken {
-            self.wake.clear();
-            return Ok(Event::Woken);
+            return Ok(self.woken());
         }
         Ok(if go_on { self.go_on_connecting() } else { Event::TimedOut })
+    }
+
+    fn woken(&self) -> Event {
+        self.wake.clear();
+        Event::Woken
     }
 
     /// Somebody knocks.

@@ -4,48 +4,10 @@ use std::fmt;
 use std::path::PathBuf;
 use std::str::FromStr;
 
-use bus::TcpAddress;
 use clap::ValueEnum;
 use profibus_dp::time::Baudrate;
 use sch108bex::end_cap::TerminationSwitches;
 use sch108bex::health::Battery;
-
-/// Where the segment's octets come from.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Port {
-    /// A new pseudo terminal.
-    Pty,
-    /// A TCP port that masters connect to.
-    TcpListen(TcpAddress),
-    /// A TCP port where a master listens.
-    Tcp(TcpAddress),
-    /// A Unix socket that masters connect to.
-    Unix(PathBuf),
-    /// A serial device.
-    Device(PathBuf),
-}
-
-impl FromStr for Port {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let address = |text: &str| text.parse::<TcpAddress>().map_err(|error| error.to_string());
-        match text.split_once(':') {
-            _ if text == "pty" => Ok(Self::Pty),
-            Some(("tcp-listen", rest)) => address(rest).map(Self::TcpListen),
-            Some(("tcp", rest)) => match address(rest)? {
-                found if found.port() == 0 => {
-                    Err("nobody listens on port 0; write the port of your master".to_owned())
-                }
-                found => Ok(Self::Tcp(found)),
-            },
-            Some(("unix", "")) => Err("write the path of the socket, like unix:/tmp/bus".to_owned()),
-            Some(("unix", path)) => Ok(Self::Unix(path.into())),
-            _ if text.starts_with('/') => Ok(Self::Device(text.into())),
-            _ => Err("write pty, tcp-listen:ADDRESS:PORT, tcp:ADDRESS:PORT or unix:PATH".to_owned()),
-        }
-    }
-}
 
 /// `auto` or one of the ten rates.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -265,21 +227,6 @@ mod tests {
         let bad: Further = "bits=99x1".parse().expect("pairs");
         let error = bad.parsed::<sch108bex::specification::Variant>(Key::Bits).expect_err("too many bits");
         assert!(error.contains("bits=99x1"), "{error}");
-    }
-
-    #[test]
-    fn ports_say_what_they_are() {
-        assert_eq!("pty".parse(), Ok(Port::Pty));
-        let address = |text: &str| text.parse::<TcpAddress>().expect("an address");
-        assert_eq!("tcp-listen:127.0.0.1:0".parse(), Ok(Port::TcpListen(address("127.0.0.1:0"))));
-        assert_eq!("tcp:[::1]:4000".parse(), Ok(Port::Tcp(address("[::1]:4000"))));
-        assert_eq!("unix:a:b".parse(), Ok(Port::Unix("a:b".into())));
-        assert_eq!("/dev/ttyUSB0".parse(), Ok(Port::Device("/dev/ttyUSB0".into())));
-        for text in
-            ["", "PTY", "ttyUSB0", "tcp", "tcp:", "tcp:127.0.0.1:0", "tcp-listen:4000", "unix:", "udp:a:1"]
-        {
-            assert!(text.parse::<Port>().expect_err(text).contains("write"), "{text}");
-        }
     }
 
     #[test]

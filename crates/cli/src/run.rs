@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
 
-use bus::{End, EndError, Link, PtyEnd, Settings, SocketEnd};
+use bus::{Link, PortAddress, Settings, open_for_slaves};
 use clap::Args;
 use plant::{EncoderSetup, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World};
 use sch108bex::Identity;
@@ -16,7 +16,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use crate::Failure;
-use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, Port, TerminationState};
+use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
 use crate::gsd::Offer;
 use crate::output;
 use crate::thinning::Thinning;
@@ -40,7 +40,7 @@ pub(crate) struct Run {
     ///
     /// One master at a time: while one is connected, others are refused.
     #[arg(long, default_value = "pty", value_name = "PORT")]
-    port: Port,
+    port: PortAddress,
     /// Make a symbolic link to the pseudo terminal, and remove it at the end
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
@@ -114,7 +114,7 @@ impl Run {
         let offer = Offer::new(self.ident, self.gsd.as_deref(), self.bits)?;
         let encoders = self.encoders(&offer, &reports)?;
         let notes: Vec<String> = encoders.iter().flat_map(|(_, notes)| notes.clone()).collect();
-        let end = self.open_port().map_err(failed)?;
+        let end = open_for_slaves(&self.port, bus::segment::DEFAULT_RATE).map_err(failed)?;
         let bus = end.name().to_owned();
         let link = self.link.as_deref().map(|link| Link::create(link, Path::new(&bus))).transpose();
         let _link = link.map_err(failed)?;
@@ -147,29 +147,19 @@ impl Run {
 
     /// What --port asks for and cannot be had.
     fn check_port(&self) -> Result<(), Failure> {
-        if let Port::Device(path) = &self.port {
+        if let PortAddress::Device(path) = &self.port {
             return Err(Failure::Usage(format!(
                 "--port {}: serial devices are not there yet; write pty, tcp-listen:ADDRESS:PORT, \
                  tcp:ADDRESS:PORT or unix:PATH",
                 path.display()
             )));
         }
-        if self.link.is_some() && self.port != Port::Pty {
+        if self.link.is_some() && self.port != PortAddress::Pty {
             return Err(Failure::Usage(
                 "--link names a pseudo terminal, and this --port is none; leave --link out".to_owned(),
             ));
         }
         Ok(())
-    }
-
-    fn open_port(&self) -> Result<Box<dyn End>, EndError> {
-        Ok(match &self.port {
-            Port::TcpListen(address) => Box::new(SocketEnd::listen_tcp(address)?),
-            Port::Tcp(address) => Box::new(SocketEnd::connect_tcp(address)?),
-            Port::Unix(path) => Box::new(SocketEnd::listen_unix(path)?),
-            // Devices have been refused before.
-            Port::Pty | Port::Device(_) => Box::new(PtyEnd::open()?),
-        })
     }
 
     /// The encoders, each with what is worth saying about its address.

@@ -252,7 +252,10 @@ fn a_paced_bus_takes_its_time_over_tcp_too() {
 #[test]
 fn addresses_that_cannot_be_are_a_sentence_and_status_2() {
     for (port, parts) in [
-        ("tcp-listen", ["tcp-listen", "write pty, tcp-listen:ADDRESS:PORT, tcp:ADDRESS:PORT or unix:PATH"]),
+        (
+            "tcp-listen",
+            ["tcp-listen", "write pty, tcp-listen:ADDRESS:PORT, tcp:ADDRESS:PORT, unix:PATH or a device"],
+        ),
         ("udp:127.0.0.1:4000", ["udp", "write pty, tcp-listen:ADDRESS:PORT"]),
         ("tcp-listen:", ["tcp-listen:", "write an address and a port, like 127.0.0.1:4000"]),
         // No address stands for none: not for all, and not for this computer's.
@@ -262,7 +265,10 @@ fn addresses_that_cannot_be_are_a_sentence_and_status_2() {
         ("tcp-listen:127.0.0.1:65536", ["65536", "a port is a number from 0 to 65535"]),
         ("tcp-listen:127.0.0.1:http", ["http", "a port is a number from 0 to 65535"]),
         ("tcp-listen:::1:4000", ["::1:4000", "write an IPv6 address in brackets, like [::1]:4000"]),
-        ("tcp:127.0.0.1:0", ["127.0.0.1:0", "nobody listens on port 0; write the port of your master"]),
+        (
+            "tcp:127.0.0.1:0",
+            ["127.0.0.1:0", "nobody listens on port 0; write the port where the other side listens"],
+        ),
         ("unix:", ["unix:", "write the path of the socket, like unix:/tmp/bus"]),
         ("/dev/ttyUSB0", ["/dev/ttyUSB0: serial devices are not there yet", "pty, tcp-listen:ADDRESS:PORT"]),
     ] {

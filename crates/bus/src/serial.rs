@@ -1,0 +1,227 @@
+//! A serial device as the end of a segment: an RS-485 adapter, a UART, or a pseudo terminal that
+//! somebody else has made.
+//!
+//! | what goes wrong otherwise | what is done here |
+//! |---|---|
+//! | A character with a parity or framing error looks like a good one | the system marks it (`INPCK`, `PARMRK`), and it is [`Event::LineError`] |
+//! | The system takes settings that the driver does not have | all are read back |
+//! | A second program takes half of the octets | the device is claimed, for programs that ask (`flock`) and for those that do not (`TIOCEXCL`) |
+//! | Octets of another rate are heard after a change | thrown away |
+
+mod marks;
+mod settings;
+mod trouble;
+
+use std::os::fd::OwnedFd;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant as Moment;
+
+use profibus_dp::time::{Baudrate, Duration};
+use rustix::event::{PollFd, PollFlags, poll};
+use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
+use rustix::io::{Errno, read, write};
+use rustix::termios::{ioctl_tiocexcl, isatty};
+
+use crate::brisk::Pace;
+use crate::end::{End, EndError, Event, Waker, Written};
+use crate::wake::{EventFd, timespec};
+use marks::{Found, Marks};
+use settings::Kind;
+use trouble::Trouble;
+
+/// So many octets are read at once.
+const CHUNK: usize = 4096;
+
+/// A serial device.
+#[derive(Debug)]
+pub struct SerialEnd {
+    name: String,
+    device: OwnedFd,
+    kind: Kind,
+    rate: Baudrate,
+    /// For a master: somebody can be there from the beginning, and may leave.
+    for_master: bool,
+    /// That is still to be told.
+    unannounced: bool,
+    marks: Marks,
+    /// What was read and not looked at: all in `read` between these.
+    read: Box<[u8]>,
+    rest: std::ops::Range<usize>,
+    gone: bool,
+    pace: Pace,
+    wake: Arc<EventFd>,
+}
+
+impl SerialEnd {
+    /// Opens a device for slaves: it hears one rate at a time, beginning with `rate`.
+    ///
+    /// # Errors
+    ///
+    /// There is no such device, it may not be opened, another program has it, it is no serial device
+    /// or refuses the rate.
+    pub fn open(path: &Path, rate: Baudrate) -> Result<Self, EndError> {
+        Self::at(path, rate, false)
+    }
+
+    /// Opens a device for a master, with the master's rate.
+    ///
+    /// # Errors
+    ///
+    /// As [`open`](Self::open).
+    pub fn open_for_master(path: &Path, rate: Baudrate) -> Result<Self, EndError> {
+        Self::at(path, rate, true)
+    }
+
+    fn at(path: &Path, rate: Baudrate, for_master: bool) -> Result<Self, EndError> {
+        let trouble = Trouble::new(path);
+        let kind = Kind::of(path).map_err(|error| trouble.cannot_open(error))?;
+        let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
+        let device = open(path, flags, Mode::empty()).map_err(|error| trouble.cannot_open(error))?;
+        if !isatty(&device) {
+            return Err(trouble.no_terminal());
+        }
+        claim(&device, kind).map_err(|error| trouble.cannot_open(error))?;
+        settings::set_up(&device, kind, rate)
+            .map_err(|refusal| trouble.cannot_set(&device, kind, refusal))?;
+        let wake = EventFd::new().map_err(|error| trouble.cannot_open(error))?;
+        Ok(Self {
+            name: path.display().to_string(),
+            device,
+            kind,
+            rate,
+            for_master,
+            unannounced: for_master,
+            marks: Marks::default(),
+            read: vec![0; CHUNK].into_boxed_slice(),
+            rest: 0..0,
+            gone: false,
+            pace: Pace::new(),
+            wake: Arc::new(wake),
+        })
+    }
+
+    /// The rate it hears and sends with.
+    pub fn rate(&self) -> Baudrate {
+        self.rate
+    }
+
+    /// Whether it is a pseudo terminal, which has neither parity nor a rate of its own.
+    pub fn is_pseudo_terminal(&self) -> bool {
+        self.kind == Kind::PseudoTerminal
+    }
+
+    /// What is left of the last read; `None`: nothing.
+    #[inline]
+    fn look(&mut self, buffer: &mut [u8]) -> Option<Event> {
+        while !self.rest.is_empty() {
+            let rest = self.read.get(self.rest.clone()).unwrap_or_default();
+            let (used, found) = self.marks.look(rest, buffer);
+            self.rest.start += used;
+            match found {
+                Found::Octets(0) => {}
+                Found::Octets(count) => return Some(Event::Octets(count)),
+                Found::Error => return Some(Event::LineError),
+            }
+        }
+        None
+    }
+
+    /// Waits until there is something to read, and reads it; `None`: nothing came.
+    #[inline]
+    fn fill(&mut self, timeout: Option<Duration>) -> Result<Option<Event>, EndError> {
+        let Self { pace, wake, device, read: chunk, .. } = self;
+        if pace.is_brisk()
+            && let Some(count) = pace.catch(Moment::now(), timeout, wake, || read(&*device, &mut **chunk))
+        {
+            self.rest = 0..count;
+            return Ok(None);
+        }
+        let timeout = timeout.map(timespec);
+        // Whoever has gone would be ready for ever.
+        let flags = if self.gone { PollFlags::empty() } else { PollFlags::IN };
+        let mut watch = [PollFd::new(&*self.wake, PollFlags::IN), PollFd::new(&self.device, flags)];
+        let watch = if self.gone { watch.split_at_mut(1).0 } else { &mut watch[..] };
+        match poll(watch, timeout.as_ref()) {
+            Ok(0) | Err(Errno::INTR) => return Ok(Some(Event::TimedOut)),
+            Ok(_) => {}
+            Err(error) => return Err(self.broken("wait at", error)),
+        }
+        if !watch[0].revents().is_empty() {
+            self.wake.clear();
+            return Ok(Some(Event::Woken));
+        }
+        match read(&self.device, &mut *self.read) {
+            Ok(count) if count > 0 => {
+                self.pace.slept(Moment::now());
+                self.rest = 0..count;
+                Ok(None)
+            }
+            Err(Errno::AGAIN | Errno::INTR) => Ok(Some(Event::TimedOut)),
+            Ok(_) | Err(Errno::IO) if self.kind == Kind::PseudoTerminal && self.for_master => {
+                self.gone = true;
+                Ok(Some(Event::Left))
+            }
+            Ok(_) => Err(self.broken("read from", Errno::IO)),
+            Err(error) => Err(self.broken("read from", error)),
+        }
+    }
+
+    fn broken(&self, step: &'static str, error: Errno) -> EndError {
+        Trouble::new(Path::new(&self.name)).broken(step, error)
+    }
+}
+
+impl End for SerialEnd {
+    #[inline]
+    fn wait(&mut self, timeout: Option<Duration>, buffer: &mut [u8]) -> Result<Event, EndError> {
+        if self.wake.is_set() {
+            self.wake.clear();
+            return Ok(Event::Woken);
+        }
+        if std::mem::take(&mut self.unannounced) {
+            return Ok(Event::Came(Some(self.rate)));
+        }
+        if let Some(event) = self.look(buffer) {
+            return Ok(event);
+        }
+        if let Some(event) = self.fill(timeout)? {
+            return Ok(event);
+        }
+        Ok(self.look(buffer).unwrap_or(Event::TimedOut))
+    }
+
+    #[inline]
+    fn write(&mut self, octets: &[u8]) -> Result<Written, EndError> {
+        if self.gone {
+            return Ok(Written::Dropped(octets.len()));
+        }
+        match write(&self.device, octets) {
+            Ok(count) if count == octets.len() => Ok(Written::All),
+            Ok(count) => Ok(Written::Dropped(octets.len() - count)),
+            // That the far side has gone shows when it is read.
+            Err(Errno::AGAIN | Errno::INTR | Errno::IO) => Ok(Written::Dropped(octets.len())),
+            Err(error) => Err(self.broken("write to", error)),
+        }
+    }
+
+    fn name(&self) -> &str {
+        &self.name
+    }
+
+    fn waker(&self) -> Waker {
+        let wake: Arc<EventFd> = Arc::clone(&self.wake);
+        Waker::new(wake)
+    }
+}
+
+/// Keeps other programs away for as long as the device is open.
+fn claim(device: &OwnedFd, kind: Kind) -> Result<(), Errno> {
+    match flock(device, FlockOperation::NonBlockingLockExclusive) {
+        Ok(()) => {}
+        Err(Errno::WOULDBLOCK) => return Err(Errno::BUSY),
+        Err(error) => return Err(error),
+    }
+    // A pseudo terminal would stay claimed after its user has gone.
+    if kind == Kind::PseudoTerminal { Ok(()) } else { ioctl_tiocexcl(device) }
+}

@@ -1,0 +1,140 @@
+//! What a serial device is set to, and whether it has taken that.
+
+use std::os::fd::OwnedFd;
+use std::os::unix::fs::{FileTypeExt, MetadataExt};
+use std::path::Path;
+
+use profibus_dp::time::Baudrate;
+use rustix::fs::major;
+use rustix::io::Errno;
+use rustix::termios::{
+    ControlModes, InputModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios, tcflush, tcgetattr,
+    tcsetattr,
+};
+
+/// So far may a rate be off, in thousandths. Two UARTs still understand each other at twice that.
+const TOLERANCE: u64 = 15;
+
+/// After so long a pause in the octets the other side of a pseudo terminal looks at the rate.
+const SEEN: std::time::Duration = std::time::Duration::from_millis(1);
+
+/// What kind of device it is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    /// A UART of the computer or behind USB.
+    Uart,
+    /// The terminal side of a pseudo terminal: no parity, and any rate.
+    PseudoTerminal,
+}
+
+/// What a device did not take.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Refusal {
+    /// The settings cannot be read or written at all.
+    Failed(Errno),
+    /// It made this rate of it, in bits per second.
+    Rate { asked: Baudrate, made: u32 },
+    /// Even parity.
+    Parity,
+    /// Eight bits, one stop bit, no handshake, or marks for errors.
+    Form,
+}
+
+impl Kind {
+    /// What is at this path; opens nothing.
+    pub(super) fn of(path: &Path) -> Result<Self, Errno> {
+        /// The major numbers of the terminal sides of pseudo terminals: 136 to 143.
+        const TERMINAL_SIDES: std::ops::Range<u32> = 136..144;
+        let found = std::fs::metadata(path)
+            .map_err(|error| error.raw_os_error().map_or(Errno::IO, Errno::from_raw_os_error))?;
+        if !found.file_type().is_char_device() {
+            return Err(Errno::NOTTY);
+        }
+        let pseudo = TERMINAL_SIDES.contains(&major(found.rdev()));
+        Ok(if pseudo { Self::PseudoTerminal } else { Self::Uart })
+    }
+}
+
+/// Raw, 8E1, this rate, errors marked. All of it is read back.
+pub(super) fn set_up(device: &OwnedFd, kind: Kind, rate: Baudrate) -> Result<(), Refusal> {
+    let mut settings = tcgetattr(device).map_err(Refusal::Failed)?;
+    settings.make_raw();
+    settings.input_modes &= !(InputModes::IGNPAR | InputModes::IGNBRK | InputModes::BRKINT);
+    settings.input_modes &= !(InputModes::IXOFF | InputModes::IXANY);
+    settings.input_modes |= InputModes::INPCK | InputModes::PARMRK;
+    settings.control_modes &= !(ControlModes::CSTOPB | ControlModes::PARODD | ControlModes::CMSPAR);
+    settings.control_modes &= !ControlModes::CRTSCTS;
+    settings.control_modes |= ControlModes::CREAD | ControlModes::CLOCAL | ControlModes::PARENB;
+    settings.special_codes[SpecialCodeIndex::VMIN] = 1;
+    settings.special_codes[SpecialCodeIndex::VTIME] = 0;
+    apply(device, kind, settings, rate)
+}
+
+/// Another rate, everything else as it is. What came at the old one is thrown away.
+pub(super) fn change_rate(device: &OwnedFd, kind: Kind, rate: Baudrate) -> Result<(), Refusal> {
+    let settings = tcgetattr(device).map_err(Refusal::Failed)?;
+    apply(device, kind, settings, rate)
+}
+
+/// The rates, of the ten, that a device takes. It keeps the last of them.
+pub(super) fn possible_rates(device: &OwnedFd, kind: Kind) -> Vec<Baudrate> {
+    Baudrate::ALL.into_iter().filter(|rate| change_rate(device, kind, *rate).is_ok()).collect()
+}
+
+fn apply(device: &OwnedFd, kind: Kind, mut wanted: Termios, rate: Baudrate) -> Result<(), Refusal> {
+    let refused = |made| Refusal::Rate { asked: rate, made };
+    wanted.set_speed(rate.bits_per_second()).map_err(|_| refused(0))?;
+    match tcsetattr(device, OptionalActions::Now, &wanted) {
+        Err(Errno::INVAL) => return Err(refused(0)),
+        other => other.map_err(Refusal::Failed)?,
+    }
+    let found = tcgetattr(device).map_err(Refusal::Failed)?;
+    judge(&found, kind, rate)?;
+    tcflush(device, QueueSelector::IFlush).map_err(Refusal::Failed)?;
+    if kind == Kind::PseudoTerminal {
+        std::thread::sleep(SEEN);
+    }
+    Ok(())
+}
+
+/// Whether these are the settings of the bus.
+fn judge(found: &Termios, kind: Kind, rate: Baudrate) -> Result<(), Refusal> {
+    if [found.output_speed(), found.input_speed()].into_iter().any(|made| !is_close(made, rate)) {
+        return Err(Refusal::Rate { asked: rate, made: found.output_speed() });
+    }
+    let modes = found.control_modes;
+    if kind == Kind::Uart && (!modes.contains(ControlModes::PARENB) || modes.contains(ControlModes::PARODD)) {
+        return Err(Refusal::Parity);
+    }
+    let form = modes & ControlModes::CSIZE == ControlModes::CS8
+        && !modes.intersects(ControlModes::CSTOPB | ControlModes::CRTSCTS)
+        && found.input_modes.contains(InputModes::INPCK | InputModes::PARMRK);
+    if form { Ok(()) } else { Err(Refusal::Form) }
+}
+
+fn is_close(made: u32, rate: Baudrate) -> bool {
+    let (made, asked) = (u64::from(made), u64::from(rate.bits_per_second()));
+    made.abs_diff(asked) * 1000 <= asked * TOLERANCE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_that_is_off_by_more_than_one_and_a_half_percent_is_refused() {
+        for (made, rate, close) in [
+            (500_000, Baudrate::B500000, true),
+            // 3 MHz / 66
+            (45_455, Baudrate::B45450, true),
+            // 1.8432 MHz / 16 / 1, the nearest that a classic UART has
+            (115_200, Baudrate::B93750, false),
+            (9_744, Baudrate::B9600, true),
+            (9_745, Baudrate::B9600, false),
+            (9_455, Baudrate::B9600, false),
+            (0, Baudrate::B9600, false),
+        ] {
+            assert_eq!(is_close(made, rate), close, "{made} for {rate}");
+        }
+    }
+}

@@ -1,4 +1,4 @@
-//! The project's own tasks: `cargo xtask setup | check | test | bench | traceability`.
+//! The project's own tasks: `cargo xtask setup | check | test | bench | traceability | recording`.
 
 mod bench;
 mod debian;
@@ -6,6 +6,7 @@ mod measure;
 mod no_panic;
 mod process;
 mod project;
+mod recording;
 mod setup;
 mod steps;
 mod tally;
@@ -25,7 +26,8 @@ Usage: cargo xtask TASK
   test [STEP]                everything, as continuous integration runs it; or one step of it
   bench [--only NAME] [--gate]
                              the figures, also in target/bench.json; --gate: exit 1 over a limit
-  traceability               every requirement has tests, and they exist";
+  traceability               every requirement has tests, and they exist
+  recording                  docs/demo.svg anew: the demonstration as a moving picture";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -58,6 +60,7 @@ fn task(words: &[&str]) -> Option<Task> {
         ["traceability"] => {
             Box::new(|project| traceability::check(&project.root).map(|found| println!("{found}")))
         }
+        ["recording"] => Box::new(recording::record),
         ["bench", options @ ..] => {
             let options = bench::Options::parse(options)?;
             Box::new(move |project| bench::run(project, &options))

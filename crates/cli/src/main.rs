@@ -22,16 +22,18 @@ use clap::{Parser, Subcommand};
 /// Without a command it shows the main job: a virtual encoder that a master finds, gives an address,
 /// parameterizes and reads. Not affiliated with Scancon, the maker of the SCH108BEX.
 #[derive(Debug, Parser)]
-#[command(name = "sch108bex", version)]
+#[command(name = "sch108bex", version, args_conflicts_with_subcommands = true)]
 struct Cli {
     #[command(subcommand)]
     command: Option<Command>,
+    #[command(flatten)]
+    demo: demo::Options,
 }
 
 #[derive(Debug, Subcommand)]
 enum Command {
     /// Show a start-up, a turning shaft, a preset, a warning and a refusal, then end
-    Demo,
+    Demo(demo::Options),
     /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP or a Unix socket
     Run(Box<run::Run>),
 }
@@ -48,8 +50,10 @@ enum Failure {
 }
 
 fn main() -> ExitCode {
-    let result = match Cli::parse().command {
-        None | Some(Command::Demo) => demo::demo(),
+    let cli = Cli::parse();
+    let result = match cli.command {
+        None => demo::demo(&cli.demo),
+        Some(Command::Demo(options)) => demo::demo(&options),
         Some(Command::Run(run)) => run.run(),
     };
     match result {

@@ -1,7 +1,7 @@
 //! The non-volatile memory on the host: a state file with two slots, or none.
 
 use std::fs::{self, File, OpenOptions};
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
@@ -200,7 +200,10 @@ fn make(path: &Path, variant: Variant) -> io::Result<()> {
     fresh.push(".new");
     let fresh = PathBuf::from(fresh);
     let slot = Record::as_delivered(variant).encode(0);
-    fs::write(&fresh, [slot, slot].concat())?;
+    let mut file = File::create(&fresh)?;
+    file.write_all(&[slot, slot].concat())?;
+    // Before it has its name: power that goes now would leave a file with nothing in it.
+    file.sync_all()?;
     // A link never takes the place of a file that somebody else has made meanwhile; where the file
     // system has none, a new name has to do.
     match fs::hard_link(&fresh, path) {

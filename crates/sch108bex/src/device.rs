@@ -11,7 +11,7 @@ use crate::encoder::{Encoder, Identity};
 use crate::end_cap::{EffectiveAddress, effective_address};
 use crate::event::{Observer, PositionErrorCause};
 use crate::health::{Battery, Measurement};
-use crate::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot};
+use crate::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot, SlotFault};
 use crate::sensor::ShaftReading;
 use crate::sensor_half::SensorHalf;
 use crate::specification::{SUPPLY_MIN_MV, SUPPLY_OFF_BELOW_MV};
@@ -76,16 +76,19 @@ struct Memory {
     supply_mv: i32,
     sequence: u32,
     slot: Slot,
+    /// Nothing was ever confirmed: both slots are to be written, one straight after the other.
+    fresh: bool,
 }
 
 impl<O: Observer> Device<O> {
     /// Switches the device on.
     pub fn new(now: Instant, power_on: PowerOn, mut observer: O) -> Self {
         let PowerOn { identity, stored, battery, baud, receiver } = power_on;
+        let fresh = never_confirmed(&stored);
         let (record, sequence, slot) = match stored {
-            Choice::AsDelivered => (Record::as_delivered(identity.variant), 0, Slot::B),
+            _ if fresh => (Record::as_delivered(identity.variant), 0, Slot::B),
             Choice::Use { record, sequence, slot, .. } => (record, sequence, slot),
-            Choice::Lost { .. } => (Record::after_damage(identity.variant), 0, Slot::B),
+            _ => (Record::after_damage(identity.variant), 0, Slot::B),
         };
         let sensor = SensorHalf::new(now, identity.variant, &record, battery, &mut observer);
         let stored_address = record.stored_address;
@@ -95,7 +98,7 @@ impl<O: Observer> Device<O> {
             baud,
             receiver,
         };
-        let memory = Memory { policy: WritePolicy::new(now), supply_mv: 0, sequence, slot };
+        let memory = Memory { policy: WritePolicy::new(now), supply_mv: 0, sequence, slot, fresh };
         let mut device = Self { bus: DpSlave::new(now, configuration, encoder), sensor, memory };
         device.memory.note_change(&mut device.sensor);
         device
@@ -219,6 +222,9 @@ impl<O: Observer> Device<O> {
     /// The record taken is in the memory.
     pub fn confirm_nonvolatile(&mut self) {
         self.memory.policy.confirm();
+        if core::mem::take(&mut self.memory.fresh) {
+            self.memory.policy.force();
+        }
     }
 
     /// The record taken could not be written; it will be tried again, to the same slot.
@@ -240,6 +246,16 @@ impl<O: Observer> Device<O> {
 
     fn publish_health(&mut self) {
         publish_health(self.bus.slave_mut(), &mut self.sensor, &mut self.memory);
+    }
+}
+
+/// Reading: the very first record goes to both slots. So a slot that holds no record beside one that
+/// is blank is a first write that was cut, not a loss: the device is as delivered.
+fn never_confirmed(stored: &Choice) -> bool {
+    match stored {
+        Choice::AsDelivered => true,
+        Choice::Lost { a, b } => *a == SlotFault::Absent || *b == SlotFault::Absent,
+        Choice::Use { .. } => false,
     }
 }
 

@@ -249,7 +249,8 @@ impl Slot {
 
 /// Reading: of two slots the newer record counts, sequence numbers wrapping; one damaged, the
 /// other is used and the damage told; both damaged is an error. A damaged slot beside one never
-/// written is an error too: it held the only record.
+/// written is an error too for a host, which makes a new store with both slots in one go; a device
+/// that writes octet by octet takes it for a first write that was cut.
 pub fn choose(a: SlotContent, b: SlotContent) -> Choice {
     let use_slot = |(record, sequence), slot, other: SlotContent| Choice::Use {
         record,

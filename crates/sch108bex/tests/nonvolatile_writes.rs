@@ -116,7 +116,7 @@ fn a_write_that_failed_is_tried_again_to_the_same_slot() {
 type Slots = [SlotContent; 2];
 
 fn keep(device: &mut Device, slots: &mut Slots, now: Instant) {
-    if let Some(write) = device.take_nonvolatile(now) {
+    while let Some(write) = device.take_nonvolatile(now) {
         slots[write.slot as usize] = Record::decode(&write.octets);
         device.confirm_nonvolatile();
     }

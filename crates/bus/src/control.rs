@@ -56,10 +56,14 @@ impl<C> Control<C> {
     ///
     /// The segment's [`Commands`] are gone.
     pub fn send(&self, command: C) -> Result<(), Stopped<C>> {
-        if self.shared.gone.load(Ordering::Acquire) {
-            return Err(Stopped(command));
-        }
-        self.shared.with_queue(|queue| queue.push_back(command));
+        self.shared.with_queue(|queue| {
+            // Looked at under the lock: what is in the queue is handled, or dropped at the end.
+            if self.shared.gone.load(Ordering::Acquire) {
+                return Err(Stopped(command));
+            }
+            queue.push_back(command);
+            Ok(())
+        })?;
         self.waker.wake();
         Ok(())
     }
@@ -86,7 +90,12 @@ impl<C> Commands<C> {
 
 impl<C> Drop for Commands<C> {
     fn drop(&mut self) {
-        self.shared.gone.store(true, Ordering::Release);
+        let left = self.shared.with_queue(|queue| {
+            self.shared.gone.store(true, Ordering::Release);
+            std::mem::take(queue)
+        });
+        // Whoever waits for what came of his command hears that nothing will.
+        drop(left);
     }
 }
 

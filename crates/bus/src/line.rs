@@ -7,6 +7,7 @@ use profibus_dp::wire::Telegram;
 use profibus_dp::wire::telegram::{BROADCAST, MAX_OCTETS};
 
 use crate::collision::collide;
+use crate::faults::Faults;
 use crate::segment::{Counters, DEFAULT_RATE, RateListener, Settings};
 use crate::stations::Stations;
 
@@ -27,7 +28,14 @@ pub(crate) struct Line<S> {
     /// When stations last heard telegrams of others.
     bus_life: Instant,
     /// A reply on its way that is not where its station keeps it.
-    pub(crate) outgoing: [u8; MAX_OCTETS],
+    pub(crate) outgoing: [u8; 2 * MAX_OCTETS],
+    pub(crate) faults: Faults,
+    /// A character error was on the line, and it has not been idle since.
+    deaf: bool,
+    /// The newest octets ended a telegram.
+    ended: bool,
+    /// When octets came last that went through the fault layer.
+    last_octets: Instant,
 }
 
 /// A reply that is not to be sent at once.
@@ -70,7 +78,11 @@ impl<S: Station + RateListener> Line<S> {
             repliers: Repliers::default(),
             waiting: Waiting::Nothing,
             bus_life: Instant::ZERO,
-            outgoing: [0; MAX_OCTETS],
+            outgoing: [0; 2 * MAX_OCTETS],
+            faults: Faults::default(),
+            deaf: false,
+            ended: true,
+            last_octets: Instant::ZERO,
         }
     }
 
@@ -114,7 +126,17 @@ impl<S: Station + RateListener> Line<S> {
     /// which window.
     #[inline]
     pub(crate) fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
-        let Self { stations, counters, receiver, rate, repliers, bus_life, waiting, .. } = self;
+        if self.faults.is_active() {
+            self.receive_through_faults(now, octets)
+        } else {
+            self.hear::<false>(now, octets)
+        }
+    }
+
+    /// The same past the fault layer; `FAILING`: whole telegrams may still be lost or doubled.
+    #[inline]
+    fn hear<const FAILING: bool>(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        let Self { stations, counters, receiver, rate, repliers, bus_life, waiting, faults, .. } = self;
         // Whatever comes before a reply has been sent means that the master has gone on.
         if *waiting != Waiting::Nothing {
             *waiting = Waiting::Nothing;
@@ -124,15 +146,70 @@ impl<S: Station + RateListener> Line<S> {
         let ended = receiver.receive(now, octets, |now, telegram| {
             counters.telegrams += 1;
             counters.overtaken += u64::from(repliers.first.is_some());
-            *repliers = indicate(stations, *rate, bus_life, now, telegram);
+            let times = if FAILING { faults.times_heard(is_ours(stations, telegram)) } else { 1 };
+            *repliers = Repliers::default();
+            for _ in 0..times {
+                *repliers = indicate(stations, *rate, bus_life, now, telegram);
+            }
         });
-        let (_, window) = repliers.first?;
+        if FAILING {
+            self.ended = ended;
+        }
+        let (_, window) = self.repliers.first?;
         if !ended {
-            counters.overtaken += 1;
+            self.counters.overtaken += 1;
             return None;
         }
         Some(window)
     }
+
+    /// Octets on a line where something can go wrong.
+    #[cold]
+    fn receive_through_faults(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        let idle = now.since(self.last_octets) > LINE_IDLE.max(self.bus_rate().duration(BitTimes::SYN));
+        self.last_octets = now;
+        let begins = (idle || self.ended) && starts_ours(&self.stations, octets);
+        let characters = self.faults.request(octets, begins);
+        self.deaf &= !idle;
+        if self.deaf {
+            return None;
+        }
+        let good: Vec<u8> = characters
+            .iter()
+            .take_while(|character| !character.error)
+            .map(|character| character.octet)
+            .collect();
+        let window = if good.is_empty() { None } else { self.hear::<true>(now, &good) };
+        if good.len() == characters.len() {
+            return window;
+        }
+        // What stands behind a character error is no telegram until the line has been idle.
+        self.deaf = true;
+        self.ended = false;
+        self.abandon();
+        for at in 0..self.stations.as_slice().len() {
+            self.stations.call(at, |station| station.line_error(now));
+        }
+        None
+    }
+}
+
+/// Octets that come after a pause of at least so long begin something new, where the octets of an end
+/// come in pieces.
+const LINE_IDLE: Duration = Duration::from_micros(500);
+
+/// Whether octets begin with a request to one of the stations, or to all.
+pub(crate) fn starts_ours<S: Station>(stations: &Stations<S>, octets: &[u8]) -> bool {
+    let da = match octets {
+        [0x10 | 0xA2, da, ..] | [0x68, _, _, _, da, ..] => da & 0x7F,
+        _ => return false,
+    };
+    da == BROADCAST || stations.first_at(da).is_some()
+}
+
+/// Whether a telegram is to one of the stations, or to all.
+pub(crate) fn is_ours<S: Station>(stations: &Stations<S>, telegram: &Telegram<'_>) -> bool {
+    matches!(telegram, Telegram::Data(data) if data.da == BROADCAST || stations.first_at(data.da).is_some())
 }
 
 /// Hands a telegram to the stations that it is for, and says who answers.

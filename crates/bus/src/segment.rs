@@ -13,6 +13,7 @@ use crate::clock::WallClock;
 use crate::collision::collide;
 use crate::control::{self, Commands, Control};
 use crate::end::{End, EndError, Event, Note, Written};
+use crate::faults::Faults;
 use crate::line::{Line, Repliers, Waiting, characters, garbage, within};
 
 /// The rate by which bus times are counted at an end that has none.
@@ -153,6 +154,16 @@ impl<S: Station + RateListener> Segment<S> {
         self.line.counters
     }
 
+    /// What goes wrong on the line.
+    pub fn faults(&self) -> &Faults {
+        &self.line.faults
+    }
+
+    /// What goes wrong on the line, to be changed.
+    pub fn faults_mut(&mut self) -> &mut Faults {
+        &mut self.line.faults
+    }
+
     /// A way for other threads to reach this segment while it runs.
     pub fn control<C>(&self) -> (Control<C>, Commands<C>) {
         control::channel(self.end.waker())
@@ -261,7 +272,8 @@ impl<S: Station + RateListener> Segment<S> {
     /// Hands out the reply that was due at `due`, and sends it unless that takes time.
     #[inline]
     fn reply(&mut self, due: Instant) -> Result<(), EndError> {
-        let Line { stations, settings, counters, repliers, waiting, outgoing, rate, .. } = &mut self.line;
+        let Line { stations, settings, counters, repliers, waiting, outgoing, rate, faults, .. } =
+            &mut self.line;
         let Repliers { first, second } = std::mem::take(repliers);
         *waiting = Waiting::Nothing;
         let Some((at, window)) = first else {
@@ -281,6 +293,11 @@ impl<S: Station + RateListener> Segment<S> {
         let Some(octets) = stations.as_mut_slice()[at].transmit(within(window, now)) else {
             return Ok(());
         };
+        if faults.is_active() {
+            let length = collide(outgoing, 0, octets);
+            stations.refresh(at);
+            return self.reply_through_faults(now, length);
+        }
         if settings.pace {
             let reply = rate.unwrap_or(DEFAULT_RATE).duration(characters(octets.len()));
             *waiting = Waiting::End(now + reply, collide(outgoing, 0, octets));
@@ -290,6 +307,30 @@ impl<S: Station + RateListener> Segment<S> {
         }
         // Handing out the reply may have changed the address of its station.
         stations.refresh(at);
+        Ok(())
+    }
+
+    /// The reply in `outgoing`, on a line where something can go wrong.
+    #[cold]
+    fn reply_through_faults(&mut self, now: Instant, length: usize) -> Result<(), EndError> {
+        let rate = self.line.bus_rate();
+        let Line { settings, counters, waiting, outgoing, faults, .. } = &mut self.line;
+        let arrival = faults.reply(outgoing.get(..length).unwrap_or_default());
+        if arrival.characters.is_empty() {
+            return Ok(());
+        }
+        let octets: Vec<u8> = arrival.characters.iter().map(|character| character.octet).collect();
+        let length = collide(outgoing, 0, &octets);
+        let mut due = now + arrival.late_by;
+        if settings.pace {
+            due += rate.duration(characters(length));
+        }
+        if due > now {
+            *waiting = Waiting::End(due, length);
+            return Ok(());
+        }
+        let written = self.end.write(&octets)?;
+        counters.count_reply(written);
         Ok(())
     }
 }

@@ -29,6 +29,7 @@ use rustix::net::{SendFlags, SocketFlags, accept_with, send, sockopt};
 pub use address::{AddressError, TcpAddress};
 use connect::{Connector, Pending};
 use open::SocketFile;
+pub use open::UnixSocket;
 use retry::Retry;
 
 use crate::brisk::Pace;
@@ -96,7 +97,7 @@ impl SocketEnd {
     ///
     /// Somebody listens there, another kind of file is there, or the directory does not allow it.
     pub fn listen_unix(path: &Path) -> Result<Self, EndError> {
-        let (socket, file) = open::unix(path)?;
+        let (socket, file) = open::unix(path, None)?;
         Self::new(format!("unix:{}", path.display()), Source::Listen(Listener::new(socket, Some(file))))
     }
 

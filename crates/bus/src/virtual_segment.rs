@@ -3,8 +3,6 @@
 //! Every octet takes eleven bit times, replies start where their window opens, stations are polled
 //! at their deadlines, and nothing else takes any time.
 
-use std::collections::VecDeque;
-
 use profibus_dp::Station;
 use profibus_dp::fdl::{Receiver, ReceiverMode};
 use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
@@ -12,7 +10,8 @@ use profibus_dp::wire::telegram::MAX_OCTETS;
 
 use crate::clock::VirtualClock;
 use crate::collision::collide;
-use crate::line::characters;
+use crate::faults::{Character, Faults, ReplyFault};
+use crate::line::{characters, is_ours, starts_ours};
 use crate::stations::Stations;
 
 /// What a master hears after a request.
@@ -42,22 +41,6 @@ pub struct Reply {
     pub damaged: bool,
 }
 
-/// What happens to a reply on its way.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum ReplyFault {
-    /// The master hears nothing.
-    Lose,
-    /// One octet, counted from 0, has the bits of the mask flipped; its parity may fit all the same.
-    Corrupt {
-        /// Which octet; past the end: the last.
-        octet: usize,
-        /// Which bits.
-        mask: u8,
-    },
-    /// It comes twice, the second time straight after the first.
-    Double,
-}
-
 /// Stations on a bus in virtual time, with one master that gives octets.
 #[derive(Debug)]
 pub struct VirtualSegment<S> {
@@ -68,7 +51,7 @@ pub struct VirtualSegment<S> {
     receiver: Receiver,
     /// End of the last octet on the line.
     quiet_since: Instant,
-    faults: VecDeque<ReplyFault>,
+    faults: Faults,
     collisions: u64,
     /// For each station, whether it listens at the right rate from the start of what is sent.
     tuned: Vec<bool>,
@@ -85,7 +68,7 @@ impl<S: Station> VirtualSegment<S> {
             slot: slot_time(rate),
             receiver: Receiver::new(ReceiverMode::Idle, rate),
             quiet_since: Instant::ZERO,
-            faults: VecDeque::new(),
+            faults: Faults::default(),
             collisions: 0,
             tuned: Vec::new(),
             repliers: Vec::new(),
@@ -135,8 +118,20 @@ impl<S: Station> VirtualSegment<S> {
     }
 
     /// What happens to the next reply that has no fault in store yet.
+    ///
+    /// Nothing happens where [`MOST_WAITING`](crate::faults::MOST_WAITING) wait already.
     pub fn fail_next_reply(&mut self, fault: ReplyFault) {
-        self.faults.push_back(fault);
+        let _ = self.faults.fail_next_reply(fault);
+    }
+
+    /// What goes wrong on the line.
+    pub fn faults(&self) -> &Faults {
+        &self.faults
+    }
+
+    /// What goes wrong on the line, to be changed.
+    pub fn faults_mut(&mut self) -> &mut Faults {
+        &mut self.faults
     }
 
     /// How often two stations answered at once.
@@ -164,14 +159,14 @@ impl<S: Station> VirtualSegment<S> {
         self.advance_to(self.quiet_since + self.rate.duration(idle_time(self.rate)));
         let start = self.now();
         self.repliers.clear();
-        self.put_on_line(start, octets, None);
+        self.put_request_on_line(start, octets, true);
     }
 
     /// The master sends octets straight after those before, as the rest of what he began.
     pub fn send_more(&mut self, octets: &[u8]) {
         self.stations.refresh_all();
         self.repliers.clear();
-        self.put_on_line(self.now(), octets, None);
+        self.put_request_on_line(self.now(), octets, false);
     }
 
     /// The master listens until a reply has ended or the slot time is over.
@@ -223,23 +218,39 @@ impl<S: Station> VirtualSegment<S> {
 
     /// The way of a reply to the master and to the other stations, with the faults on it.
     fn deliver(&mut self, mut reply: Reply, sender: usize, until: Instant) -> Answer {
-        let fault = self.faults.pop_front();
-        match fault {
-            Some(ReplyFault::Corrupt { octet, mask }) => {
-                let last = reply.octets.len() - 1;
-                reply.octets[octet.min(last)] ^= mask;
+        let mut characters = None;
+        if self.faults.is_active() {
+            let arrival = self.faults.reply(&reply.octets);
+            reply.start += arrival.late_by;
+            reply.delay = Duration::from_nanos(reply.delay.as_nanos() + arrival.late_by.as_nanos());
+            if arrival.characters.is_empty() || reply.start > until {
+                self.advance_to(until);
+                return Answer::Silence { until };
             }
-            Some(ReplyFault::Double) => reply.octets.extend_from_within(..),
-            Some(ReplyFault::Lose) | None => {}
+            self.advance_to(reply.start);
+            reply.damaged |= arrival.characters.iter().any(|character| character.error);
+            reply.octets = arrival.characters.iter().map(|character| character.octet).collect();
+            characters = Some(arrival.characters);
         }
-        if fault == Some(ReplyFault::Lose) {
-            self.advance_to(until);
-            return Answer::Silence { until };
+        if let Some(characters) = characters {
+            self.put_characters_on_line(reply.start, &characters, Some(sender), false);
+        } else {
+            let octets = std::mem::take(&mut reply.octets);
+            self.put_on_line(reply.start, &octets, Some(sender));
+            reply.octets = octets;
         }
-        let octets = std::mem::take(&mut reply.octets);
-        self.put_on_line(reply.start, &octets, Some(sender));
-        (reply.octets, reply.end) = (octets, self.now());
+        reply.end = self.now();
         Answer::Reply(reply)
+    }
+
+    /// Octets of the master on the line from `start` on, `fresh` ones after idle time.
+    fn put_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
+        if !self.faults.is_active() {
+            return self.put_on_line(start, octets, None);
+        }
+        let begins = fresh && starts_ours(&self.stations, octets);
+        let characters = self.faults.request(octets, begins);
+        self.put_characters_on_line(start, &characters, None, true);
     }
 
     /// Octets on the line from `start` on; everybody but `sender` hears them.
@@ -250,13 +261,42 @@ impl<S: Station> VirtualSegment<S> {
         for (at, octet) in octets.iter().enumerate() {
             // From the start each time, so that nothing is rounded twice.
             self.advance_to(start + rate.duration(characters(at + 1)));
-            self.one_octet(*octet, sender);
+            self.one_octet(*octet, sender, false);
         }
         self.quiet_since = self.now();
     }
 
-    fn one_octet(&mut self, octet: u8, sender: Option<usize>) {
-        let Self { stations, clock, receiver, tuned, repliers, rate, .. } = self;
+    /// The same for octets that may have suffered; `failing`: whole telegrams may still be lost or
+    /// doubled.
+    #[cold]
+    fn put_characters_on_line(
+        &mut self,
+        start: Instant,
+        arriving: &[Character],
+        sender: Option<usize>,
+        failing: bool,
+    ) {
+        let rate = self.rate;
+        self.tuned.clear();
+        self.tuned.extend(self.stations.as_slice().iter().map(|station| station.listening_rate() == rate));
+        for (at, character) in arriving.iter().enumerate() {
+            self.advance_to(start + rate.duration(characters(at + 1)));
+            if !character.error {
+                self.one_octet(character.octet, sender, failing);
+                continue;
+            }
+            let now = self.now();
+            self.receiver.line_error(now);
+            self.repliers.clear();
+            for at in (0..self.stations.as_slice().len()).filter(|&at| Some(at) != sender) {
+                self.stations.call(at, |station| station.line_error(now));
+            }
+        }
+        self.quiet_since = self.now();
+    }
+
+    fn one_octet(&mut self, octet: u8, sender: Option<usize>, failing: bool) {
+        let Self { stations, clock, receiver, tuned, repliers, rate, faults, .. } = self;
         let now = clock.now();
         for (at, tuned) in tuned.iter_mut().enumerate() {
             if *tuned && stations.as_slice()[at].listening_rate() == *rate {
@@ -269,11 +309,15 @@ impl<S: Station> VirtualSegment<S> {
             }
         }
         receiver.receive(now, &[octet], |now, telegram| {
+            let times = if failing { faults.times_heard(is_ours(stations, telegram)) } else { 1 };
             repliers.clear();
-            let hearing = tuned.iter().enumerate().filter(|&(at, tuned)| *tuned && Some(at) != sender);
-            for (at, _) in hearing {
-                if let Some(window) = stations.call(at, |station| station.indicate(now, telegram)) {
-                    repliers.push((window.not_before, at));
+            for _ in 0..times {
+                repliers.clear();
+                let hearing = tuned.iter().enumerate().filter(|&(at, tuned)| *tuned && Some(at) != sender);
+                for (at, _) in hearing {
+                    if let Some(window) = stations.call(at, |station| station.indicate(now, telegram)) {
+                        repliers.push((window.not_before, at));
+                    }
                 }
             }
         });

@@ -675,3 +675,27 @@ fn commands_get_through_while_the_master_asks_as_fast_as_it_can() {
     let (.., counters, host) = bus.stop();
     assert_eq!((host.commands, counters.replies), (100, exchanges));
 }
+
+#[test]
+fn a_private_socket_is_for_its_user_alone_and_goes_with_its_file() {
+    use std::os::unix::fs::PermissionsExt;
+
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("control");
+    let socket = bus::UnixSocket::listen_privately(&path).unwrap();
+    let mode = fs::symlink_metadata(&path).unwrap().permissions().mode();
+    assert_eq!(mode & 0o777, 0o600);
+    let error = bus::UnixSocket::listen_privately(&path).unwrap_err().to_string();
+    assert!(error.contains("somebody listens there already"), "{error}");
+    assert!(path.exists());
+    drop(socket);
+    assert!(!path.exists());
+    // What kill -9 leaves behind is taken over.
+    drop(UnixListener::bind(&path).unwrap());
+    let socket = bus::UnixSocket::listen_privately(&path).unwrap();
+    drop(socket);
+    assert!(!path.exists());
+    let long = directory.path().join("x".repeat(120));
+    let error = bus::UnixSocket::listen_privately(&long).unwrap_err().to_string();
+    assert!(error.contains("choose a shorter path"), "{error}");
+}

@@ -3,13 +3,15 @@
 use std::fs;
 use std::io::{self, ErrorKind};
 use std::net::TcpListener;
-use std::os::fd::OwnedFd;
+use std::os::fd::{AsFd, BorrowedFd, OwnedFd};
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
-use std::os::unix::net::UnixListener;
 use std::path::{Path, PathBuf};
 
+use rustix::fs::{Mode, fchmod};
 use rustix::io::Errno;
-use rustix::net::{AddressFamily, SocketAddrUnix, SocketFlags, SocketType, connect, socket_with};
+use rustix::net::{
+    AddressFamily, SocketAddrUnix, SocketFlags, SocketType, bind, connect, listen, socket_with,
+};
 
 use crate::end::EndError;
 use crate::socket::TcpAddress;
@@ -38,29 +40,71 @@ pub(super) fn tcp(address: &TcpAddress) -> Result<(OwnedFd, String), EndError> {
     Ok((listener.into(), name))
 }
 
-/// A Unix socket that listens, and its file.
-pub(super) fn unix(path: &Path) -> Result<(OwnedFd, SocketFile), EndError> {
+/// A Unix socket that listens without waiting, whose file goes with it.
+#[derive(Debug)]
+pub struct UnixSocket {
+    /// Goes before the socket: as long as that listens, nobody takes the file for a stale one.
+    _file: SocketFile,
+    socket: OwnedFd,
+}
+
+impl UnixSocket {
+    /// Listens at `path`, for the user who runs this program alone. A file that nobody listens on is
+    /// replaced; it is removed when this is dropped.
+    ///
+    /// # Errors
+    ///
+    /// Somebody listens there, another kind of file is there, or the directory does not allow it.
+    pub fn listen_privately(path: &Path) -> Result<Self, EndError> {
+        let (socket, file) = unix(path, Some(Mode::RUSR | Mode::WUSR))?;
+        Ok(Self { _file: file, socket })
+    }
+}
+
+impl AsFd for UnixSocket {
+    fn as_fd(&self) -> BorrowedFd<'_> {
+        self.socket.as_fd()
+    }
+}
+
+/// A Unix socket that listens, and its file, with this mode or the one the system gives it.
+pub(super) fn unix(path: &Path, mode: Option<Mode>) -> Result<(OwnedFd, SocketFile), EndError> {
     let failed = |source: io::Error| EndError::Socket {
         step: "listen on",
         name: format!("unix:{}", path.display()),
         remedy: match source.kind() {
             ErrorKind::AlreadyExists => "remove it or choose another path",
             ErrorKind::AddrInUse => "end the program that listens there, or choose another path",
-            ErrorKind::InvalidInput => "choose a shorter path, of at most 107 octets",
+            ErrorKind::InvalidInput | ErrorKind::InvalidFilename => {
+                "choose a shorter path, of at most 107 octets"
+            }
             _ => "choose a path in a directory that exists and that you may write",
         },
         source,
     };
-    let bound = match UnixListener::bind(path) {
+    let bound = match listen_at(path, mode) {
         Err(error) if error.kind() == ErrorKind::AddrInUse => {
-            remove_stale(path).and_then(|()| UnixListener::bind(path))
+            remove_stale(path).and_then(|()| listen_at(path, mode))
         }
         other => other,
     };
     let listener = bound.map_err(failed)?;
-    listener.set_nonblocking(true).map_err(failed)?;
     let file = SocketFile::at(path).map_err(failed)?;
-    Ok((listener.into(), file))
+    Ok((listener, file))
+}
+
+fn listen_at(path: &Path, mode: Option<Mode>) -> io::Result<OwnedFd> {
+    /// So many may knock before anybody looks.
+    const BACKLOG: i32 = 128;
+    let flags = SocketFlags::CLOEXEC | SocketFlags::NONBLOCK;
+    let socket = socket_with(AddressFamily::UNIX, SocketType::STREAM, flags, None)?;
+    if let Some(mode) = mode {
+        // On the socket, before it has a name: its file never has another mode.
+        fchmod(&socket, mode)?;
+    }
+    bind(&socket, &SocketAddrUnix::new(path)?)?;
+    listen(&socket, BACKLOG)?;
+    Ok(socket)
 }
 
 /// Removes the file of a socket that nobody listens on any more, and nothing else.

@@ -1,0 +1,132 @@
+use super::*;
+
+fn noise(change: impl FnOnce(&mut Noise)) -> Faults {
+    let mut noise = Noise { seed: 7, ..Noise::default() };
+    change(&mut noise);
+    let mut faults = Faults::default();
+    faults.set_noise(noise).expect("shares");
+    faults
+}
+
+#[test]
+fn a_quiet_line_has_no_layer() {
+    let mut faults = Faults::default();
+    assert!(!faults.is_active());
+    faults.set_noise(Noise { seed: 9, ..Noise::default() }).expect("shares");
+    assert!(!faults.is_active());
+    assert!(faults.fail_next_reply(ReplyFault::Lose));
+    assert!(faults.is_active());
+    assert!(faults.reply(&[1, 2]).characters.is_empty());
+    assert!(!faults.is_active(), "nothing is left that can go wrong");
+    assert_eq!(faults.counters().lost_replies, 1);
+}
+
+#[test]
+fn how_octets_are_cut_makes_no_difference() {
+    let octets: Vec<u8> = (0..=255).cycle().take(4_000).collect();
+    let run = |piece: usize| {
+        let mut faults = noise(|noise| noise.bit_errors = 0.01);
+        let arrived: Vec<_> = octets.chunks(piece).flat_map(|octets| faults.request(octets, false)).collect();
+        (arrived, faults.counters())
+    };
+    let whole = run(4_000);
+    assert!(whole.1.damaged_request_characters > 300, "{:?}", whole.1);
+    assert_eq!(run(1), whole);
+    assert_eq!(run(17), whole);
+}
+
+#[test]
+fn another_seed_gives_other_faults() {
+    let run = |seed| {
+        let mut faults = noise(|noise| (noise.seed, noise.lost_replies) = (seed, 0.5));
+        (0..64).map(|_| faults.reply(&[0xE5]).characters.is_empty()).collect::<Vec<_>>()
+    };
+    assert_eq!(run(1), run(1));
+    assert_ne!(run(1), run(2));
+}
+
+#[test]
+fn replies_draw_nothing_from_requests() {
+    let run = |requests: usize| {
+        let mut faults = noise(|noise| (noise.lost_replies, noise.bit_errors) = (0.5, 0.01));
+        (0..64)
+            .map(|_| {
+                (0..requests).for_each(|_| drop(faults.request(&[0x10, 2], true)));
+                faults.reply(&[0xE5])
+            })
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(run(0), run(3));
+}
+
+/// One flip among data and parity shows in the parity, two do not; start and stop bit always do.
+#[test]
+fn parity_sees_an_odd_number_of_flips() {
+    let mut faults = noise(|noise| noise.bit_errors = 0.05);
+    let (mut seen, mut unseen) = (0, 0);
+    for _ in 0..20_000 {
+        let [arrived] = faults.request(&[0x5A], false)[..] else { panic!("one") };
+        match (arrived.octet ^ 0x5A, arrived.error) {
+            (0, error) => assert!(!error, "an error must show in the octet too"),
+            (_, true) => seen += 1,
+            (mask, false) => {
+                unseen += 1;
+                // With the parity bit among the flips an odd number of data bits may change unseen.
+                assert!(mask.count_ones() <= 8);
+            }
+        }
+    }
+    // 1 - 0.95^11 of 20000 have a flip; about 36 pairs of 9 bits among them at 0.05^2 are unseen.
+    assert!((7_500..9_500).contains(&(seen + unseen)), "{seen} {unseen}");
+    assert!((700..2_000).contains(&unseen), "{unseen}");
+}
+
+#[test]
+fn faults_by_request_meet_the_octet_they_are_for() {
+    let mut faults = Faults::default();
+    for fault in [
+        RequestFault::Corrupt { octet: 1, mask: 0x81 },
+        RequestFault::CharacterError { octet: 99 },
+        RequestFault::Lose,
+        RequestFault::Double,
+    ] {
+        assert!(faults.fail_next_request(fault));
+    }
+    let good = intact(&[1, 2, 3]);
+    assert_eq!(faults.request(&[1, 2, 3], false), good, "to somebody else");
+    assert_eq!(faults.request(&[1, 2, 3], true)[1], Character { octet: 0x83, error: false });
+    assert_eq!(faults.request(&[1, 2, 3], true)[2], Character { octet: 0xFC, error: true });
+    assert_eq!(faults.request(&[1, 2, 3], true), good);
+    assert_eq!((faults.times_heard(false), faults.times_heard(true), faults.times_heard(true)), (1, 0, 2));
+    assert!(!faults.is_active());
+    let counters = faults.counters();
+    assert_eq!(counters.damaged_request_characters, 2);
+    assert_eq!((counters.lost_requests, counters.doubled_requests), (1, 1));
+}
+
+#[test]
+fn no_more_than_a_thousand_wait() {
+    let mut faults = Faults::default();
+    for _ in 0..MOST_WAITING {
+        assert!(faults.fail_next_reply(ReplyFault::Lose));
+        assert!(faults.fail_next_request(RequestFault::Lose));
+    }
+    assert!(!faults.fail_next_reply(ReplyFault::Lose));
+    assert!(!faults.fail_next_request(RequestFault::Lose));
+    assert_eq!(faults.waiting(), (MOST_WAITING, MOST_WAITING));
+    faults.clear();
+    assert!(!faults.is_active());
+}
+
+#[test]
+fn what_is_no_share_is_refused() {
+    for share in [-0.1, 1.1, f64::NAN, f64::INFINITY] {
+        let wrong = Noise { lost_replies: share, ..Noise::default() };
+        let mut faults = Faults::default();
+        let error = faults.set_noise(wrong).expect_err("no share").to_string();
+        assert!(error.contains("lost_replies") && error.contains("from 0 to 1"), "{error}");
+        assert!(!faults.is_active());
+    }
+    let late = Noise { late_by: Duration::from_secs(11), ..Noise::default() };
+    assert_eq!(late.check(), Err(NoiseError::TooLate));
+}

@@ -22,6 +22,7 @@ pub mod faults;
 mod line;
 pub mod link;
 pub mod memory;
+mod overheard;
 pub mod port;
 pub mod pty;
 pub mod segment;

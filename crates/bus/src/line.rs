@@ -232,12 +232,7 @@ fn indicate<S: Station>(
         }
         return repliers;
     }
-    let mut next = stations.first_at(data.da);
-    while let Some(at) = next {
-        // Found before the call: it may change the address of this station.
-        next = stations.next_at(at);
-        repliers.add(at, hear(stations, at, rate, now, telegram));
-    }
+    stations.each_for(data.da, |stations, at| repliers.add(at, hear(stations, at, rate, now, telegram)));
     repliers
 }
 

@@ -65,6 +65,21 @@ impl<S: Station> Stations<S> {
         index(self.next[at])
     }
 
+    /// The stations that a telegram to this address is for.
+    #[inline]
+    pub(crate) fn each_for(&mut self, address: u8, mut call: impl FnMut(&mut Self, usize)) {
+        if address == BROADCAST {
+            (0..self.list.len()).for_each(|at| call(self, at));
+            return;
+        }
+        let mut next = self.first_at(address);
+        while let Some(at) = next {
+            // Found before the call: it may change the address of this station.
+            next = self.next_at(at);
+            call(self, at);
+        }
+    }
+
     /// Calls into one station, then sees to its deadline and its address.
     #[inline]
     pub(crate) fn call<R>(&mut self, at: usize, call: impl FnOnce(&mut S) -> R) -> R {

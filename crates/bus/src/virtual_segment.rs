@@ -6,19 +6,21 @@
 use profibus_dp::Station;
 use profibus_dp::fdl::{Receiver, ReceiverMode};
 use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
-use profibus_dp::wire::telegram::MAX_OCTETS;
+use profibus_dp::wire::Telegram;
+use profibus_dp::wire::telegram::{MAX_OCTETS, SC, SD1, SD1_OCTETS, SD2, SD3, SD3_OCTETS, SD4};
 
 use crate::clock::VirtualClock;
 use crate::collision::collide;
 use crate::faults::{Character, Faults, ReplyFault};
 use crate::line::{characters, is_ours, starts_ours};
+use crate::overheard::Overheard;
 use crate::stations::Stations;
 
 /// What a master hears after a request.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Answer {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Answer<'a> {
     /// Octets that started within the slot time.
-    Reply(Reply),
+    Reply(Reply<'a>),
     /// None, until the slot time was over.
     Silence {
         /// When the master stopped waiting.
@@ -27,10 +29,10 @@ pub enum Answer {
 }
 
 /// Octets on the line, with their times.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Reply {
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Reply<'a> {
     /// What a master makes of the octets; after a collision or a fault, not what was sent.
-    pub octets: Vec<u8>,
+    pub octets: &'a [u8],
     /// The first edge of the first octet.
     pub start: Instant,
     /// The end of the last octet's stop bit.
@@ -42,12 +44,16 @@ pub struct Reply {
 }
 
 /// Stations on a bus in virtual time, with one master that gives octets.
+///
+/// What an exchange costs does not grow with the number of stations: those that a telegram is not for
+/// are told of it before it can matter to them, and only of the newest.
 #[derive(Debug)]
 pub struct VirtualSegment<S> {
     stations: Stations<S>,
     clock: VirtualClock,
     rate: Baudrate,
-    slot: BitTimes,
+    slot: Duration,
+    idle: Duration,
     receiver: Receiver,
     /// End of the last octet on the line.
     quiet_since: Instant,
@@ -56,6 +62,15 @@ pub struct VirtualSegment<S> {
     /// For each station, whether it listens at the right rate from the start of what is sent.
     tuned: Vec<bool>,
     repliers: Vec<(Instant, usize)>,
+    /// All stations listen at the master's rate; `false`: perhaps.
+    all_tuned: bool,
+    /// Somebody else may have changed stations.
+    touched: bool,
+    /// The last octets were not a whole telegram.
+    unfinished: bool,
+    overheard: Overheard,
+    /// The newest reply; long enough for one that comes twice.
+    line: Vec<u8>,
 }
 
 impl<S: Station> VirtualSegment<S> {
@@ -65,18 +80,26 @@ impl<S: Station> VirtualSegment<S> {
             stations: Stations::new(),
             clock: VirtualClock::new(now),
             rate,
-            slot: slot_time(rate),
+            slot: rate.duration(slot_time(rate)),
+            idle: rate.duration(idle_time(rate)),
             receiver: Receiver::new(ReceiverMode::Idle, rate),
             quiet_since: Instant::ZERO,
             faults: Faults::default(),
             collisions: 0,
             tuned: Vec::new(),
             repliers: Vec::new(),
+            all_tuned: false,
+            touched: true,
+            unfinished: false,
+            overheard: Overheard::new(),
+            line: vec![0; 2 * MAX_OCTETS],
         }
     }
 
     /// Adds a station, and says by which number it is known here.
     pub fn add(&mut self, station: S) -> usize {
+        self.touched = true;
+        self.overheard.add(self.clock.now());
         self.stations.push(station)
     }
 
@@ -87,11 +110,14 @@ impl<S: Station> VirtualSegment<S> {
 
     /// The stations, to be changed.
     pub fn stations_mut(&mut self) -> &mut [S] {
+        self.touched = true;
+        self.overheard.tell_all(&mut self.stations);
         self.stations.as_mut_slice()
     }
 
     /// Ends the segment and gives its stations back.
-    pub fn into_stations(self) -> Vec<S> {
+    pub fn into_stations(mut self) -> Vec<S> {
+        self.overheard.tell_all(&mut self.stations);
         self.stations.into_vec()
     }
 
@@ -108,13 +134,15 @@ impl<S: Station> VirtualSegment<S> {
     /// The master goes on at another rate, with its usual slot time.
     pub fn set_rate(&mut self, rate: Baudrate) {
         self.rate = rate;
-        self.slot = slot_time(rate);
+        self.slot = rate.duration(slot_time(rate));
+        self.idle = rate.duration(idle_time(rate));
         self.receiver.set_baudrate(rate);
+        (self.all_tuned, self.unfinished) = (false, false);
     }
 
     /// How long the master waits for the start of a reply.
     pub fn set_slot_time(&mut self, slot: BitTimes) {
-        self.slot = slot;
+        self.slot = self.rate.duration(slot);
     }
 
     /// What happens to the next reply that has no fault in store yet.
@@ -139,15 +167,25 @@ impl<S: Station> VirtualSegment<S> {
         self.collisions
     }
 
+    /// How long nothing has been on the line.
+    pub fn quiet_for(&self) -> Duration {
+        self.now().since(self.quiet_since)
+    }
+
+    /// Whether a station is about to answer what was sent last.
+    pub fn is_answered(&self) -> bool {
+        !self.repliers.is_empty()
+    }
+
     /// Lets time pass, with nothing on the line.
     pub fn wait(&mut self, span: Duration) {
-        self.stations.refresh_all();
+        self.settle();
         self.advance_to(self.now() + span);
     }
 
     /// The master sends octets after the idle time that a request needs, and listens until a reply
     /// has ended or the slot time is over.
-    pub fn send(&mut self, octets: &[u8]) -> Answer {
+    pub fn send(&mut self, octets: &[u8]) -> Answer<'_> {
         self.send_only(octets);
         self.listen()
     }
@@ -155,25 +193,26 @@ impl<S: Station> VirtualSegment<S> {
     /// The master sends octets and does not listen: a request that nobody answers, or a master that
     /// goes on before the reply. Time stands at the end of the last octet.
     pub fn send_only(&mut self, octets: &[u8]) {
-        self.stations.refresh_all();
-        self.advance_to(self.quiet_since + self.rate.duration(idle_time(self.rate)));
+        self.settle();
+        self.advance_to(self.quiet_since + self.idle);
         let start = self.now();
         self.repliers.clear();
         self.put_request_on_line(start, octets, true);
     }
 
-    /// The master sends octets straight after those before, as the rest of what he began.
+    /// The master sends octets straight after those before, as the rest of what he began, or without
+    /// regard to the idle time.
     pub fn send_more(&mut self, octets: &[u8]) {
-        self.stations.refresh_all();
+        self.settle();
         self.repliers.clear();
         self.put_request_on_line(self.now(), octets, false);
     }
 
     /// The master listens until a reply has ended or the slot time is over.
-    pub fn listen(&mut self) -> Answer {
-        self.stations.refresh_all();
+    pub fn listen(&mut self) -> Answer<'_> {
+        self.settle();
         let asked = self.quiet_since;
-        let until = asked + self.rate.duration(self.slot);
+        let until = asked + self.slot;
         self.repliers.sort_unstable();
         let Some(&(start, first)) = self.repliers.first().filter(|(start, _)| *start <= until) else {
             self.advance_to(until);
@@ -181,10 +220,59 @@ impl<S: Station> VirtualSegment<S> {
         };
         let start = start.max(self.now());
         self.advance_to(start);
-        let mut line = [0; MAX_OCTETS];
-        let mut length = self.hand_out(first, 0, &mut line);
+        let mut length = self.hand_out(first, 0);
         // Who starts before the first octet of the other has ended knows nothing of it.
-        let blind = start + self.rate.duration(BitTimes::CHARACTER);
+        let mut damaged = false;
+        if self.repliers.len() > 1 {
+            let blind = start + self.rate.duration(BitTimes::CHARACTER);
+            (length, damaged) = self.collide(blind, length);
+        }
+        self.repliers.clear();
+        if length == 0 {
+            self.advance_to(until);
+            return Answer::Silence { until };
+        }
+        if self.faults.is_active() {
+            return self.deliver_with_faults(Delivery { start, asked, until, length, damaged }, first);
+        }
+        let line = std::mem::take(&mut self.line);
+        self.put_on_line(start, &line[..length], Some(first), false);
+        self.line = line;
+        let octets = &self.line[..length];
+        Answer::Reply(Reply { octets, start, end: self.clock.now(), delay: start.since(asked), damaged })
+    }
+
+    /// The way of a reply to the master and to the other stations, with the faults on it.
+    #[cold]
+    fn deliver_with_faults(&mut self, delivery: Delivery, sender: usize) -> Answer<'_> {
+        let Delivery { asked, until, length, .. } = delivery;
+        let arrival = self.faults.reply(&self.line[..length]);
+        let start = delivery.start + arrival.late_by;
+        if arrival.characters.is_empty() || start > until {
+            self.advance_to(until);
+            return Answer::Silence { until };
+        }
+        self.advance_to(start);
+        let damaged = delivery.damaged | arrival.characters.iter().any(|character| character.error);
+        let length = arrival.characters.len();
+        self.line.resize(self.line.len().max(length), 0);
+        for (place, character) in self.line.iter_mut().zip(&arrival.characters) {
+            *place = character.octet;
+        }
+        if damaged {
+            self.put_characters_on_line(start, &arrival.characters, Some(sender), false);
+        } else {
+            let line = std::mem::take(&mut self.line);
+            self.put_on_line(start, &line[..length], Some(sender), false);
+            self.line = line;
+        }
+        let octets = &self.line[..length];
+        Answer::Reply(Reply { octets, start, end: self.clock.now(), delay: start.since(asked), damaged })
+    }
+
+    /// Others answer before the first could be heard: what comes of it, and whether it is anything new.
+    #[cold]
+    fn collide(&mut self, blind: Instant, mut length: usize) -> (usize, bool) {
         let damaged = self.repliers.get(1).is_some_and(|(second, _)| *second < blind);
         if damaged {
             self.collisions += 1;
@@ -192,82 +280,107 @@ impl<S: Station> VirtualSegment<S> {
                 let (second, station) = self.repliers[at];
                 if second < blind {
                     self.advance_to(second);
-                    length = self.hand_out(station, length, &mut line);
+                    length = self.hand_out(station, length);
                 }
             }
         }
-        self.repliers.clear();
-        if length == 0 {
-            self.advance_to(until);
-            return Answer::Silence { until };
-        }
-        self.deliver(
-            Reply { octets: line[..length].to_vec(), start, end: start, delay: start.since(asked), damaged },
-            first,
-            until,
-        )
+        (length, damaged)
     }
 
-    fn hand_out(&mut self, station: usize, length: usize, line: &mut [u8]) -> usize {
-        let now = self.now();
-        self.stations.call(station, |station| match station.transmit(now) {
-            Some(octets) => collide(line, length, octets),
+    fn hand_out(&mut self, station: usize, length: usize) -> usize {
+        let Self { stations, clock, line, .. } = self;
+        stations.call(station, |station| match station.transmit(clock.now()) {
+            Some(octets) => collide(&mut line[..MAX_OCTETS], length, octets),
             None => length,
         })
     }
 
-    /// The way of a reply to the master and to the other stations, with the faults on it.
-    fn deliver(&mut self, mut reply: Reply, sender: usize, until: Instant) -> Answer {
-        let mut characters = None;
+    /// Octets of the master on the line from `start` on, `fresh` ones after idle time.
+    #[inline]
+    fn put_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
         if self.faults.is_active() {
-            let arrival = self.faults.reply(&reply.octets);
-            reply.start += arrival.late_by;
-            reply.delay = Duration::from_nanos(reply.delay.as_nanos() + arrival.late_by.as_nanos());
-            if arrival.characters.is_empty() || reply.start > until {
-                self.advance_to(until);
-                return Answer::Silence { until };
-            }
-            self.advance_to(reply.start);
-            reply.damaged |= arrival.characters.iter().any(|character| character.error);
-            reply.octets = arrival.characters.iter().map(|character| character.octet).collect();
-            characters = Some(arrival.characters);
-        }
-        if let Some(characters) = characters {
-            self.put_characters_on_line(reply.start, &characters, Some(sender), false);
+            self.put_failing_request_on_line(start, octets, fresh);
         } else {
-            let octets = std::mem::take(&mut reply.octets);
-            self.put_on_line(reply.start, &octets, Some(sender));
-            reply.octets = octets;
+            self.put_on_line(start, octets, None, false);
         }
-        reply.end = self.now();
-        Answer::Reply(reply)
     }
 
-    /// Octets of the master on the line from `start` on, `fresh` ones after idle time.
-    fn put_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
-        if !self.faults.is_active() {
-            return self.put_on_line(start, octets, None);
-        }
+    #[cold]
+    fn put_failing_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
         let begins = fresh && starts_ours(&self.stations, octets);
         let characters = self.faults.request(octets, begins);
-        self.put_characters_on_line(start, &characters, None, true);
+        let intact = |(character, octet): (&Character, &u8)| !character.error && character.octet == *octet;
+        if characters.iter().zip(octets).all(intact) {
+            self.put_on_line(start, octets, None, true);
+        } else {
+            self.put_characters_on_line(start, &characters, None, true);
+        }
     }
 
-    /// Octets on the line from `start` on; everybody but `sender` hears them.
-    fn put_on_line(&mut self, start: Instant, octets: &[u8], sender: Option<usize>) {
-        let rate = self.rate;
-        self.tuned.clear();
-        self.tuned.extend(self.stations.as_slice().iter().map(|station| station.listening_rate() == rate));
-        for (at, octet) in octets.iter().enumerate() {
-            // From the start each time, so that nothing is rounded twice.
-            self.advance_to(start + rate.duration(characters(at + 1)));
-            self.one_octet(*octet, sender, false);
+    /// Octets on the line from `start` on; everybody but `sender` hears them. `failing`: whole telegrams
+    /// may still be lost or doubled.
+    fn put_on_line(&mut self, start: Instant, octets: &[u8], sender: Option<usize>, failing: bool) {
+        let end = start + self.rate.duration(characters(octets.len()));
+        let undisturbed = self.stations.earliest() > end && !self.unfinished;
+        if undisturbed && is_one_telegram(octets) && self.all_are_tuned() {
+            self.clock.advance_to(end);
+            self.one_telegram(octets, sender, failing);
+        } else {
+            self.octet_by_octet(start, octets, sender, failing);
         }
         self.quiet_since = self.now();
     }
 
-    /// The same for octets that may have suffered; `failing`: whole telegrams may still be lost or
-    /// doubled.
+    #[inline]
+    fn all_are_tuned(&mut self) -> bool {
+        let Self { stations, rate, all_tuned, .. } = self;
+        *all_tuned =
+            *all_tuned || stations.as_slice().iter().all(|station| station.listening_rate() == *rate);
+        *all_tuned
+    }
+
+    /// A telegram during which nothing else happens. Those that it is for hear it, the others later.
+    fn one_telegram(&mut self, octets: &[u8], sender: Option<usize>, failing: bool) {
+        let Self { stations, clock, receiver, repliers, overheard, faults, .. } = self;
+        let now = clock.now();
+        if let Some(sender) = sender {
+            overheard.hears(sender, now);
+        }
+        let ended = receiver.receive(now, octets, |now, telegram| {
+            repliers.clear();
+            let times = if failing { faults.times_heard(is_ours(stations, telegram)) } else { 1 };
+            let Telegram::Data(data) = telegram else {
+                return;
+            };
+            for _ in 0..times {
+                repliers.clear();
+                stations.each_for(data.da, |stations, at| {
+                    if Some(at) != sender {
+                        overheard.hears(at, now);
+                        let window = stations.call(at, |station| station.indicate(now, telegram));
+                        repliers.extend(window.map(|window| (window.not_before, at)));
+                    }
+                });
+            }
+            if times > 0 {
+                overheard.note(now, octets);
+            }
+        });
+        self.unfinished = !ended;
+    }
+
+    #[cold]
+    fn octet_by_octet(&mut self, start: Instant, octets: &[u8], sender: Option<usize>, failing: bool) {
+        self.listen_closely();
+        for (at, octet) in octets.iter().enumerate() {
+            // From the start each time, so that nothing is rounded twice.
+            self.advance_to(start + self.rate.duration(characters(at + 1)));
+            self.one_octet(*octet, sender, failing);
+        }
+        self.overheard.all_heard(self.clock.now());
+    }
+
+    /// The same for octets that have suffered.
     #[cold]
     fn put_characters_on_line(
         &mut self,
@@ -276,23 +389,32 @@ impl<S: Station> VirtualSegment<S> {
         sender: Option<usize>,
         failing: bool,
     ) {
-        let rate = self.rate;
-        self.tuned.clear();
-        self.tuned.extend(self.stations.as_slice().iter().map(|station| station.listening_rate() == rate));
+        self.listen_closely();
         for (at, character) in arriving.iter().enumerate() {
-            self.advance_to(start + rate.duration(characters(at + 1)));
+            self.advance_to(start + self.rate.duration(characters(at + 1)));
             if !character.error {
                 self.one_octet(character.octet, sender, failing);
                 continue;
             }
             let now = self.now();
             self.receiver.line_error(now);
+            self.unfinished = true;
             self.repliers.clear();
             for at in (0..self.stations.as_slice().len()).filter(|&at| Some(at) != sender) {
                 self.stations.call(at, |station| station.line_error(now));
             }
         }
+        self.overheard.all_heard(self.clock.now());
         self.quiet_since = self.now();
+    }
+
+    /// From here on every station hears every octet as it ends.
+    fn listen_closely(&mut self) {
+        self.overheard.tell_all(&mut self.stations);
+        self.all_tuned = false;
+        let Self { stations, tuned, rate, .. } = self;
+        tuned.clear();
+        tuned.extend(stations.as_slice().iter().map(|station| station.listening_rate() == *rate));
     }
 
     fn one_octet(&mut self, octet: u8, sender: Option<usize>, failing: bool) {
@@ -308,7 +430,7 @@ impl<S: Station> VirtualSegment<S> {
                 stations.call(at, |station| station.line_error(now));
             }
         }
-        receiver.receive(now, &[octet], |now, telegram| {
+        self.unfinished = !receiver.receive(now, &[octet], |now, telegram| {
             let times = if failing { faults.times_heard(is_ours(stations, telegram)) } else { 1 };
             repliers.clear();
             for _ in 0..times {
@@ -323,13 +445,49 @@ impl<S: Station> VirtualSegment<S> {
         });
     }
 
+    /// Sees to what others may have changed.
+    #[inline]
+    fn settle(&mut self) {
+        if std::mem::take(&mut self.touched) {
+            self.all_tuned = false;
+            self.stations.refresh_all();
+        }
+    }
+
     /// Moves the clock on, polling stations at their deadlines.
+    #[inline]
     fn advance_to(&mut self, until: Instant) {
         while self.stations.earliest() <= until {
             self.clock.advance_to(self.stations.earliest());
+            self.overheard.tell_due(&mut self.stations, self.clock.now());
             self.stations.poll(self.clock.now());
+            self.all_tuned = false;
         }
         self.clock.advance_to(until);
+    }
+}
+
+/// A reply that a station has handed out, on its way.
+#[derive(Debug, Clone, Copy)]
+struct Delivery {
+    start: Instant,
+    /// The end of the request.
+    asked: Instant,
+    /// The end of the slot time.
+    until: Instant,
+    length: usize,
+    damaged: bool,
+}
+
+/// Whether octets are as many as their first ones announce.
+fn is_one_telegram(octets: &[u8]) -> bool {
+    match *octets {
+        [SD2, le, ..] => octets.len() == usize::from(le) + 6,
+        [SD1, ..] => octets.len() == SD1_OCTETS,
+        [SD3, ..] => octets.len() == SD3_OCTETS,
+        [SD4, ..] => octets.len() == 3,
+        [SC] => true,
+        _ => false,
     }
 }
 

@@ -11,14 +11,14 @@ fn segment(rate: Baudrate) -> VirtualSegment<Listener> {
     VirtualSegment::new(Instant::ZERO, rate)
 }
 
-fn reply(answer: Answer) -> Reply {
+fn reply(answer: Answer<'_>) -> Reply<'_> {
     match answer {
         Answer::Reply(reply) => reply,
         Answer::Silence { until } => panic!("silence until {until:?}"),
     }
 }
 
-fn silence(answer: &Answer) -> bool {
+fn silence(answer: &Answer<'_>) -> bool {
     matches!(answer, Answer::Silence { .. })
 }
 
@@ -30,13 +30,14 @@ fn octets_take_eleven_bit_times_and_replies_start_at_min_tsdr() {
             bus.add(Listener::at(11).at_rate(rate).with_min_tsdr(min_tsdr));
             let reply = reply(bus.send(&STATUS_11));
             assert_eq!(reply.octets, STATUS_11_ANSWER);
+            let (start, end, damaged, delay) = (reply.start, reply.end, reply.damaged, reply.delay);
             // The master's idle time, six octets, and then the station.
             let asked = Instant::ZERO + rate.duration(idle_time(rate)) + rate.duration(BitTimes(66));
-            assert_eq!(reply.delay, rate.duration(BitTimes(min_tsdr)), "{rate} {min_tsdr}");
-            assert_eq!(reply.start, asked + reply.delay);
-            assert_eq!(reply.end, reply.start + rate.duration(BitTimes(66)));
-            assert_eq!(bus.now(), reply.end);
-            assert!(!reply.damaged);
+            assert_eq!(delay, rate.duration(BitTimes(min_tsdr)), "{rate} {min_tsdr}");
+            assert_eq!(start, asked + delay);
+            assert_eq!(end, start + rate.duration(BitTimes(66)));
+            assert_eq!(bus.now(), end);
+            assert!(!damaged);
         }
     }
 }
@@ -76,9 +77,47 @@ fn every_other_station_hears_requests_and_replies_but_none_its_own() {
         bus.add(Listener::at(address));
     }
     reply(bus.send(&STATUS_11));
-    assert_eq!(bus.stations()[0].heard.len(), 1);
-    assert_eq!(bus.stations()[1].heard.len(), 2);
-    assert_eq!(bus.stations()[1].heard[1], bus.now());
+    let asked = bus.stations()[0].heard.clone();
+    assert_eq!(asked.len(), 1);
+    // The newest counts; station 12 is told of it before anybody looks.
+    let ended = bus.now();
+    assert_eq!(bus.stations_mut()[1].heard, [ended]);
+    assert_eq!(bus.stations()[0].heard, asked);
+    bus.wait(Duration::from_millis(1));
+    bus.stations_mut();
+    assert_eq!(bus.stations()[1].heard.len(), 1, "once");
+}
+
+#[test]
+fn a_station_hears_of_the_bus_before_its_deadline() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    bus.add(Listener::at(12).polled_every(Duration::from_millis(10)));
+    reply(bus.send(&STATUS_11));
+    let ended = bus.now();
+    assert!(bus.stations()[1].heard.is_empty());
+    bus.wait(Duration::from_millis(10));
+    assert_eq!(bus.stations()[1].heard, [ended]);
+    assert_eq!(bus.stations()[1].polls.len(), 1);
+    // In the middle of a telegram too: then every station hears it as it ends.
+    let early = Instant::from_millis(20) - Baudrate::B500000.duration(BitTimes(60));
+    bus.wait(early.since(bus.now()));
+    bus.send_only(&STATUS_11);
+    assert_eq!(bus.stations()[1].polls.len(), 2);
+    assert_eq!(bus.stations()[1].heard, [ended, bus.now()]);
+}
+
+#[test]
+fn a_broadcast_is_heard_at_once() {
+    let mut bus = segment(Baudrate::B500000);
+    for address in [11, 12] {
+        bus.add(Listener::at(address));
+    }
+    // Global_Control: SDN to 127, SAP 58.
+    bus.send_only(&[0x68, 0x07, 0x07, 0x68, 0xFF, 0x82, 0x46, 0x3A, 0x3E, 0x02, 0x00, 0x41, 0x16]);
+    for station in bus.stations() {
+        assert_eq!(station.heard, [bus.now()]);
+    }
 }
 
 #[test]
@@ -145,7 +184,7 @@ fn replies_are_lost_damaged_or_doubled_as_asked() {
     }
     assert!(silence(&bus.send(&STATUS_11)));
     assert_eq!(reply(bus.send(&STATUS_11)).octets, [0x10, 0x02, 0x0B, 0x81, 0x0D, 0x16]);
-    assert_eq!(reply(bus.send(&STATUS_11)).octets, [STATUS_11_ANSWER, STATUS_11_ANSWER].concat());
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, &[STATUS_11_ANSWER, STATUS_11_ANSWER].concat());
     assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
 }
 

@@ -8,7 +8,6 @@
 mod arguments;
 mod demo;
 mod gsd;
-mod master;
 mod output;
 mod run;
 mod thinning;

@@ -8,9 +8,10 @@ use std::sync::mpsc::{self, Receiver};
 
 use bus::VirtualSegment;
 use clap::Args;
+use master::{Error, LightMaster, Settings};
 use plant::{EncoderSetup, EncoderStation, Rate, Report, Reporter, Shaft, Store, What, World};
 use profibus_dp::time::{Baudrate, Duration, Instant};
-use profibus_dp::wire::{Sap, StandardDiagnosis};
+use profibus_dp::wire::StandardDiagnosis;
 use sch108bex::Identity;
 use sch108bex::configuration::Configurations;
 use sch108bex::diagnostics::{Alarms, Diagnostics, Warnings};
@@ -18,14 +19,17 @@ use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
 use sch108bex::event::Event;
 use sch108bex::health::Measurement;
 use sch108bex::parameterization::{ParameterLength, Parameters, TimeBase};
-use sch108bex::specification::{PLACEHOLDER_IDENT, SerialNumber, Variant};
+use sch108bex::specification::{LATCH_PERIOD, PLACEHOLDER_IDENT, SerialNumber, Variant};
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use crate::Failure;
-use crate::master::{MASTER, Master, Reply};
 use screen::{FRAME_MILLIS, Facts, Screen};
 
 const RATE: Baudrate = Baudrate::B1500000;
+/// The master's address.
+const MASTER: u8 = 2;
+/// The encoder's address as delivered, and the one that it gets.
+const DELIVERED: u8 = 126;
 const ADDRESS: u8 = 5;
 /// 4096 steps a turn, over all 32768 turns.
 const STEPS: u32 = 4096;
@@ -60,7 +64,7 @@ pub(crate) fn demo(options: &Options) -> Result<(), Failure> {
     let mut segment = VirtualSegment::new(Instant::ZERO, RATE);
     segment.add(encoder);
     let mut demo = Demo {
-        master: Master::new(segment, 126),
+        master: LightMaster::new(segment, Settings::default()),
         reports,
         screen: Screen::new(options.plain),
         facts: Facts::default(),
@@ -94,7 +98,7 @@ fn interrupted() -> Result<Arc<AtomicBool>, Failure> {
 }
 
 struct Demo {
-    master: Master,
+    master: LightMaster<VirtualSegment<EncoderStation>>,
     reports: Receiver<Report>,
     screen: Screen,
     facts: Facts,
@@ -147,13 +151,9 @@ fn parameters(units_per_revolution: u32) -> Vec<u8> {
 impl Demo {
     fn give_address(&mut self) -> Result<(), Failure> {
         self.screen.heading("The master looks for stations and finds one at 126; it gives it address 5.");
-        expect(self.master.find(), "a station at 126")?;
-        let [ident_high, ident_low] = PLACEHOLDER_IDENT.to_be_bytes();
-        let reply = self.master.service(Sap::SET_SLAVE_ADD, &[ADDRESS, ident_high, ident_low, 0])?;
-        expect(reply == Reply::Acknowledged, "an E5 to Set_Slave_Add")?;
-        expect(!self.master.find(), "silence at 126")?;
-        self.master.follow(ADDRESS);
-        expect(self.master.find(), "a station at 5")?;
+        expect(self.found()? == [DELIVERED], "one station, at 126")?;
+        self.master.set_address(DELIVERED, ADDRESS, PLACEHOLDER_IDENT, false).map_err(failed)?;
+        expect(self.found()? == [ADDRESS], "one station, at 5")?;
         self.tell_events();
         Ok(())
     }
@@ -162,7 +162,7 @@ impl Demo {
         self.screen.heading(
             "It asks for 70000 units per revolution, more than the disc has. The encoder says why not:",
         );
-        self.master.service(Sap::SET_PRM, &parameters(70_000))?;
+        self.master.set_prm(ADDRESS, &parameters(70_000)).map_err(failed)?;
         let (standard, _) = self.diagnosis()?;
         expect(standard.prm_fault, "Prm_Fault")?;
         let refused = self.tell_events();
@@ -171,8 +171,8 @@ impl Demo {
 
     fn start_up(&mut self) -> Result<(), Failure> {
         self.screen.heading("Set_Prm with 4096 units per revolution, then Chk_Cfg F1 D1 D1: Scancon 2.0.");
-        self.master.service(Sap::SET_PRM, &parameters(STEPS))?;
-        self.master.service(Sap::CHK_CFG, &[0xF1, 0xD1, 0xD1])?;
+        self.master.set_prm(ADDRESS, &parameters(STEPS)).map_err(failed)?;
+        self.master.chk_cfg(ADDRESS, &[0xF1, 0xD1, 0xD1]).map_err(failed)?;
         let (standard, extended) = self.diagnosis()?;
         expect(!standard.station_not_ready && standard.master_add == Some(MASTER), "data exchange")?;
         let part = extended.class_2_part.ok_or_else(|| missing("the long diagnosis"))?;
@@ -202,13 +202,15 @@ impl Demo {
 
     fn preset(&mut self, seconds: f64) -> Result<(), Failure> {
         self.screen.heading("Bit 31 of the outputs rises with the value 1000000: a preset while it turns.");
-        self.master.exchange(&(PRESET + PRESET_TO).to_be_bytes())?;
+        self.exchange(PRESET + PRESET_TO)?;
         let offset = self.tell_events().iter().find_map(|event| match event {
             Event::PresetTaken { offset, .. } => Some(*offset),
             _ => None,
         });
         self.offset = offset.ok_or_else(|| missing("a preset"))?.into();
-        self.exchange_for(Duration::from_millis(1))?;
+        // It counts from the next latch on.
+        self.master.line_mut().wait(LATCH_PERIOD);
+        self.exchange_for(Duration::from_micros(500))?;
         let Facts { position, velocity, .. } = self.facts;
         self.screen
             .line(&format!("  position {position} a millisecond later, velocity {velocity} as before"));
@@ -223,11 +225,10 @@ impl Demo {
         );
         let now = self.now();
         let world = World(Measurement { temperature_tenths: 700, ..World::default().0 });
-        let warmed = self.master.segment().stations_mut()[0].set_world(now, world);
+        let warmed = self.master.line_mut().stations_mut()[0].set_world(now, world);
         warmed.map_err(|error| Failure::Failed(error.to_string()))?;
         self.tell_events();
-        let (_, high) = self.master.exchange(&[0; 4])?;
-        expect(high, "an answer of high priority")?;
+        expect(self.exchange(0)?, "an answer of high priority")?;
         let (standard, extended) = self.diagnosis()?;
         let warnings = extended.class_2_part.map(|part| part.warnings).unwrap_or_default();
         self.screen.line(&format!(
@@ -238,8 +239,7 @@ impl Demo {
         ));
         self.screen.line("  A warning stops nothing: the position is good, and the exchange goes on.");
         expect(warnings == Warnings::TEMPERATURE_EXCEEDED && standard.ext_diag, "the temperature warning")?;
-        let (_, high) = self.master.exchange(&[0; 4])?;
-        expect(!high, "low priority after the diagnosis was fetched")?;
+        expect(!self.exchange(0)?, "low priority after the diagnosis was fetched")?;
         self.watch(seconds, |_, _| ())
     }
 
@@ -293,23 +293,31 @@ impl Demo {
         let until = self.now() + span;
         while self.now() < until {
             let begun = self.now();
-            let (inputs, _) = self.master.exchange(&[0; 4])?;
+            self.exchange(0)?;
             self.facts.exchanges += 1;
             self.facts.cycle_us = self.now().since(begun).as_nanos() / 1_000;
-            self.take(&inputs)?;
+            self.check_position()?;
         }
         Ok(())
     }
 
-    /// Takes the inputs of an answer, and fails if they are not those of the shaft.
-    fn take(&mut self, inputs: &[u8]) -> Result<(), Failure> {
-        let word = |at: usize| inputs.get(at..at + 4).and_then(|octets| octets.first_chunk().copied());
+    /// Outputs for inputs; whether the answer was high priority.
+    fn exchange(&mut self, outputs: u32) -> Result<bool, Failure> {
+        let inputs = self.master.exchange(ADDRESS, &outputs.to_be_bytes()).map_err(failed)?;
+        let word = |at: usize| inputs.octets.get(at..at + 4).and_then(|octets| octets.first_chunk().copied());
         let (Some(position), Some(velocity), Some(acceleration)) = (word(0), word(4), word(8)) else {
             return Err(missing("12 input octets"));
         };
+        let high_priority = inputs.high_priority;
         self.facts.position = u32::from_be_bytes(position);
         self.facts.velocity = i32::from_be_bytes(velocity);
         self.facts.acceleration = i32::from_be_bytes(acceleration);
+        self.facts.retries = self.master.counters().retries;
+        Ok(high_priority)
+    }
+
+    /// Fails if the position is not that of the shaft.
+    fn check_position(&mut self) -> Result<(), Failure> {
         let counts = self.counts();
         self.facts.turn_thousandths =
             u32::try_from(counts.rem_euclid(65_536) * 1_000 / 65_536).unwrap_or_default();
@@ -323,29 +331,32 @@ impl Demo {
     /// Another speed, from now on and from where the shaft is.
     fn set_speed(&mut self, rpm: f64) {
         let (now, counts) = (self.now(), self.counts());
-        self.master.segment().stations_mut()[0].set_shaft(now, Shaft::constant(rpm, counts, now));
+        self.master.line_mut().stations_mut()[0].set_shaft(now, Shaft::constant(rpm, counts, now));
     }
 
     /// Where the shaft is, in physical counts.
     fn counts(&mut self) -> i64 {
         let now = self.now();
-        self.master.segment().stations_mut()[0].snapshot(now).shaft.at(now, Variant::FULL)
+        self.master.line_mut().stations_mut()[0].snapshot(now).shaft.at(now, Variant::FULL)
     }
 
     fn now(&mut self) -> Instant {
-        self.master.segment().now()
+        self.master.now()
     }
 
     fn diagnosis(&mut self) -> Result<(StandardDiagnosis, Diagnostics), Failure> {
-        let Reply::Data(_, octets) = self.master.service(Sap::SLAVE_DIAG, &[])? else {
-            return Err(missing("a diagnosis"));
-        };
-        let extended = octets.get(6..).and_then(Diagnostics::parse);
-        let (standard, extended) = StandardDiagnosis::parse(&octets)
-            .zip(extended)
-            .ok_or_else(|| missing("a diagnosis that can be read"))?;
+        let diagnosis = self.master.diagnosis(ADDRESS).map_err(failed)?;
+        let extended = Diagnostics::parse(diagnosis.extended());
+        let standard = diagnosis.standard;
+        let extended = extended.ok_or_else(|| missing("a diagnosis that can be read"))?;
         self.facts.diagnosis = in_words(&extended);
         Ok((standard, extended))
+    }
+
+    /// The addresses at which somebody answers.
+    fn found(&mut self) -> Result<Vec<u8>, Failure> {
+        let stations = self.master.live_list().map_err(failed)?;
+        Ok(stations.into_iter().map(|(address, _)| address).collect())
     }
 
     /// Prints what the encoder has told since the last time.
@@ -374,6 +385,11 @@ fn in_words(diagnosis: &Diagnostics) -> String {
 
 fn expect(holds: bool, what: &str) -> Result<(), Failure> {
     if holds { Ok(()) } else { Err(missing(what)) }
+}
+
+#[expect(clippy::needless_pass_by_value, reason = "for map_err")]
+fn failed(error: Error) -> Failure {
+    Failure::Failed(format!("the demonstration went wrong: {error}"))
 }
 
 fn missing(what: &str) -> Failure {

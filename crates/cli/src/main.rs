@@ -6,10 +6,13 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod datasheet;
+mod decode;
 mod demo;
 mod gsd;
 mod output;
 mod run;
+mod scaling;
 mod thinning;
 
 use std::process::ExitCode;
@@ -35,6 +38,14 @@ enum Command {
     Demo(demo::Options),
     /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP or a Unix socket
     Run(Box<run::Run>),
+    /// Telegrams in words: from arguments, a file or standard input
+    Decode(decode::Decode),
+    /// What measuring units and a range mean: words, octets, the jump at the overflow
+    Scaling(scaling::Scaling),
+    /// The device's GSD, ours and not the maker's
+    Gsd(gsd::Gsd),
+    /// The manual's technical data
+    Datasheet(datasheet::Datasheet),
 }
 
 /// Why a command did not do what it was asked to.
@@ -54,6 +65,13 @@ fn main() -> ExitCode {
         None => demo::demo(&cli.demo),
         Some(Command::Demo(options)) => demo::demo(&options),
         Some(Command::Run(run)) => run.run(),
+        Some(Command::Decode(decode)) => decode.run(),
+        Some(Command::Scaling(scaling)) => scaling.run(),
+        Some(Command::Gsd(gsd)) => gsd.run(),
+        Some(Command::Datasheet(datasheet)) => {
+            datasheet.run();
+            Ok(())
+        }
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

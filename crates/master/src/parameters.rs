@@ -1,7 +1,5 @@
 //! What a master gives a slave before data can be exchanged.
 
-use std::fmt;
-
 use profibus_dp::time::Duration;
 
 /// The standard part of Set_Prm, octets 1 to 7; the rest is the device's own.
@@ -33,14 +31,9 @@ pub struct Watchdog {
 }
 
 /// A watchdog time that no two factors make.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("a watchdog takes 10 ms to 650 s; give a time within that, or none")]
 pub struct WatchdogOutOfRange;
-
-impl fmt::Display for WatchdogOutOfRange {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str("a watchdog takes 10 ms to 650 s; give a time within that, or 0 for none")
-    }
-}
 
 impl Watchdog {
     /// The shortest watchdog of at least this time, in steps of 10 ms.

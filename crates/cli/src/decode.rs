@@ -178,7 +178,7 @@ fn open(path: &str) -> Result<File, Failure> {
 
 /// Text has no control characters but those that end lines; every telegram but a lone E5 has.
 fn is_text(octets: &[u8]) -> bool {
-    let cut_at_the_end = |error: std::str::Utf8Error| error.error_len().is_none();
+    let cut_at_the_end = |error: std::str::Utf8Error| error.error_len().is_none() && error.valid_up_to() > 0;
     let control = |octet: &u8| octet.is_ascii_control() && !b"\t\n\r\x0C".contains(octet);
     std::str::from_utf8(octets).map_or_else(cut_at_the_end, |_| true) && !octets.iter().any(control)
 }

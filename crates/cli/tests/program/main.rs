@@ -16,3 +16,4 @@ mod refusals;
 mod shown;
 mod state;
 mod timing;
+mod words;

@@ -259,3 +259,53 @@ fn several_encoders() {
     let [connected] = facts.of("connected").collect::<Vec<_>>()[..] else { panic!("none is connected") };
     assert_eq!(connected["addresses"], serde_json::json!([11, 12, 13]));
 }
+
+/// Octets of upper case hex.
+#[track_caller]
+fn octets(hex: &Value) -> Vec<u8> {
+    let hex = text(hex);
+    (0..hex.len()).step_by(2).map(|at| u8::from_str_radix(&hex[at..at + 2], 16).expect("hex")).collect()
+}
+
+// Octets by the manual: 4.1.1 to 4.1.5 with 2^n and 2^(n+m) as 4.1.2 and 4.1.3 have them.
+#[test]
+fn the_encoder_takes_what_the_library_makes_of_our_gsd() {
+    let Some(python) = python("pyprofibus::the_encoder_takes_what_the_library_makes_of_our_gsd") else {
+        return;
+    };
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    for (bits, values) in [
+        ("16x15", "0001000080000000"),
+        ("13x12", "0000200002000000"),
+        ("12x12", "0000100001000000"),
+        ("13x0", "0000200000002000"),
+    ] {
+        let mut command = Command::new(&python);
+        command.arg("-B").arg(root.join("tests/peers/gsd.py"));
+        command.arg(root.join(format!("../../gsd/sch108bex-{bits}.gsd")));
+        command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+        let ended = end_of(&mut command);
+        assert_eq!(ended.status, Some(0), "{}\n{}", ended.output, ended.errors);
+        let facts: Vec<Value> =
+            ended.output.lines().map(|line| serde_json::from_str(line).expect("a fact")).collect();
+        assert_eq!(facts[0]["ident"], 0x108B);
+        assert_eq!(facts[0]["faults"], 0, "a warning: {}", ended.output);
+        assert_eq!(facts[0]["unknown"].as_array().map(Vec::len), Some(0), "{}", ended.output);
+        assert_eq!(facts[0]["max_tsdr"], serde_json::json!([60, 60, 60, 60, 60, 100, 150, 250, 450, 800]));
+        let class_2 = format!("0002{values}0000000000000000");
+        let due = [("0000".to_owned(), "D1"), (class_2.clone(), "F1"), (format!("{class_2}01"), "F1D1D1")];
+        assert_eq!(facts.len(), 4);
+        for (module, (parameters, identifiers)) in facts[1..].iter().zip(due) {
+            assert_eq!(
+                (text(&module["parameters"]), text(&module["identifiers"])),
+                (parameters.as_str(), identifiers)
+            );
+            let mut program = run(["--switches", "0B", "--bits", bits]);
+            let diagnosis =
+                program.master(11).start_up(&octets(&module["parameters"]), &octets(&module["identifiers"]));
+            // In data exchange, no fault, owned by master 2.
+            assert_eq!(diagnosis.octets(1..=4), [0x00, 0x04, 0x00, 0x02], "{bits} {identifiers}");
+            program.end();
+        }
+    }
+}

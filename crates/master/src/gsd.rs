@@ -269,7 +269,7 @@ fn value_of(data: &UserPrmDataDefinition, text: &str) -> Result<i64, GsdError> {
         None => text.parse().ok(),
     };
     let value = named.or_else(number);
-    let fits = value.filter(|&value| data.constraint.is_valid(value) && fits(data.data_type, value));
+    let value = value.filter(|&value| data.constraint.is_valid(value) && fits(data.data_type, value));
     value.ok_or_else(|| GsdError::Value {
         name: data.name.clone(),
         value: text.to_owned(),

@@ -87,8 +87,17 @@ struct Station {
     /// Whether a telegram could only be an encoder's.
     encoder: bool,
     variant: Option<Variant>,
+    /// The two above before the last request, which may be refused.
+    before: (Option<Vec<u8>>, Option<Vec<u8>>),
     /// What a retry would have in common with the last request.
     last: Option<(Header, bool)>,
+}
+
+impl Station {
+    /// Before a request changes what was agreed.
+    fn remember(&mut self) {
+        self.before = (self.set_prm.clone(), self.configuration.clone());
+    }
 }
 
 /// SA, function, DSAP, SSAP.
@@ -253,14 +262,12 @@ impl Conversation {
         dissected
     }
 
-    /// RS: what was asked for is not in force.
+    /// RS: what was asked for is not in force, but what was before.
     fn refused(&mut self, address: u8, service: Option<Service>) {
-        if let Some(station) = self.stations.get_mut(usize::from(address)) {
-            match service {
-                Some(Service::SetPrm) => station.set_prm = None,
-                Some(Service::ChkCfg) => station.configuration = None,
-                _ => {}
-            }
+        if let Some(station) = self.stations.get_mut(usize::from(address))
+            && matches!(service, Some(Service::SetPrm | Service::ChkCfg))
+        {
+            (station.set_prm, station.configuration) = std::mem::take(&mut station.before);
         }
     }
 

@@ -28,6 +28,7 @@ impl Conversation {
                 let told = services::identifiers(data);
                 let octets = data.octets.to_vec();
                 if let Some(station) = self.stations.get_mut(usize::from(da)) {
+                    station.remember();
                     station.configuration = Some(octets);
                 }
                 self.with_functionality(da, data.octets, told)
@@ -64,6 +65,7 @@ impl Conversation {
         let parsed = SetPrm::parse(data.octets).map(|parsed| parsed.status);
         let locks = parsed.is_some_and(|status| status.lock_req() && !status.unlock_req());
         if let Some(station) = self.stations.get_mut(usize::from(da)) {
+            station.remember();
             station.encoder |= locks && encoder::parameters_fit(data.octets);
             if locks {
                 station.set_prm = Some(data.octets.to_vec());

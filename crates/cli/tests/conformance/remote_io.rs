@@ -1,0 +1,1 @@
+//! Slaves that are no encoders.

@@ -6,6 +6,8 @@ use std::sync::Arc;
 
 use profibus_dp::time::{Baudrate, Duration};
 
+use crate::serial::{Latency, Rates};
+
 /// What [`End::wait`] came back with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Event {
@@ -38,6 +40,15 @@ pub enum Note {
     Unreachable(io::ErrorKind),
     /// A master that knocks cannot be let in; it is tried again. Told once for each reason.
     NotAccepted(io::ErrorKind),
+    /// The driver of a serial device refuses these rates: at them nothing is heard.
+    RatesRefused(Rates),
+    /// Whether the driver of a serial device switches the transmitter of RS-485.
+    Rs485 {
+        /// It has this mode, and is in it; else the adapter must see to it.
+        by_driver: bool,
+    },
+    /// How long a serial device may keep what it has received.
+    Latency(Latency),
 }
 
 impl fmt::Display for Note {
@@ -50,6 +61,16 @@ impl fmt::Display for Note {
             Self::NotAccepted(why) => {
                 write!(f, "a master cannot be accepted ({why}); it is tried again until it can")
             }
+            Self::RatesRefused(rates) => {
+                write!(f, "the driver refuses {rates} bit/s: no master is heard at these")
+            }
+            Self::Rs485 { by_driver: true } => {
+                f.write_str("the driver switches the transmitter (RS-485 mode)")
+            }
+            Self::Rs485 { by_driver: false } => f.write_str(
+                "the driver has no RS-485 mode: the adapter must switch its transmitter by itself",
+            ),
+            Self::Latency(latency) => latency.fmt(f),
         }
     }
 }
@@ -146,6 +167,24 @@ pub trait End: Send + fmt::Debug {
     /// the ten.
     fn has_rate(&self) -> bool {
         true
+    }
+
+    /// Whether it hears one rate at a time, which [`tune`](Self::tune) chooses: a serial device.
+    ///
+    /// On such an end octets take their time, so replies keep min T_SDR.
+    fn is_tunable(&self) -> bool {
+        false
+    }
+
+    /// Hears and sends at this rate from now on; what came at another is thrown away. Where the device
+    /// refuses the rate, nothing is heard until the next call.
+    ///
+    /// # Errors
+    ///
+    /// The end is broken for good.
+    fn tune(&mut self, rate: Baudrate) -> Result<(), EndError> {
+        let _ = rate;
+        Ok(())
     }
 
     /// Something that ends a [`wait`](Self::wait) from any thread.

@@ -8,7 +8,7 @@ use profibus_dp::wire::telegram::{BROADCAST, MAX_OCTETS};
 
 use crate::collision::collide;
 use crate::faults::Faults;
-use crate::segment::{Counters, DEFAULT_RATE, RateListener, Settings};
+use crate::segment::{Counters, DEFAULT_RATE, LateReplies, RateListener, Settings};
 use crate::stations::Stations;
 
 /// How often a station gets to hear telegrams of others. They only tell it that the bus is alive
@@ -25,6 +25,10 @@ pub(crate) struct Line<S> {
     pub(crate) rate: Option<Baudrate>,
     pub(crate) repliers: Repliers,
     pub(crate) waiting: Waiting,
+    /// When the newest request was there.
+    asked: Instant,
+    /// To be told.
+    pub(crate) late_replies: Option<LateReplies>,
     /// When stations last heard telegrams of others.
     bus_life: Instant,
     /// A reply on its way that is not where its station keeps it.
@@ -77,6 +81,8 @@ impl<S: Station + RateListener> Line<S> {
             rate: None,
             repliers: Repliers::default(),
             waiting: Waiting::Nothing,
+            asked: Instant::ZERO,
+            late_replies: None,
             bus_life: Instant::ZERO,
             outgoing: [0; 2 * MAX_OCTETS],
             faults: Faults::default(),
@@ -95,6 +101,44 @@ impl<S: Station + RateListener> Line<S> {
         }
     }
 
+    /// The rate at which an end that hears only one has to listen: that of the first station which is
+    /// on the bus. `None`: there is no station.
+    ///
+    /// Stations that search go through the rates together, as they hear the same. Should they part (one
+    /// whose watchdog runs keeps its rate, another has had its power cut), those that listen elsewhere
+    /// hear errors, and come by on their search.
+    pub(crate) fn wanted_rate(&self) -> Option<Baudrate> {
+        let stations = self.stations.as_slice();
+        let leader = stations.iter().find(|station| station.address().is_some());
+        leader.or(stations.first()).map(Station::listening_rate)
+    }
+
+    /// The end hears this rate from now on. Stations are not told: they find it by themselves.
+    #[cold]
+    pub(crate) fn retune(&mut self, rate: Baudrate) {
+        self.abandon();
+        self.rate = Some(rate);
+        self.receiver.set_baudrate(rate);
+    }
+
+    /// Counts a reply that left at `now`, if that is later than it may be.
+    pub(crate) fn judge_start(&mut self, window: Window, now: Instant) {
+        let rate = self.bus_rate();
+        let (latest, limit) = match self.settings.max_tsdr {
+            Some(bits) => (self.asked + rate.duration(bits), bits),
+            None => (window.not_after, rate.max_tsdr()),
+        };
+        if now <= latest {
+            return;
+        }
+        self.counters.after_max_tsdr += 1;
+        let count = self.counters.after_max_tsdr;
+        if count.is_power_of_two() {
+            let took = bits(rate, now.since(self.asked));
+            self.late_replies = Some(LateReplies { count, took, limit });
+        }
+    }
+
     /// The master has gone: what he began will not be ended, what he waited for is not wanted.
     pub(crate) fn abandon(&mut self) {
         self.receiver.forget();
@@ -103,15 +147,18 @@ impl<S: Station + RateListener> Line<S> {
     }
 
     /// A character with an error ended: whatever it belonged to is no telegram.
+    ///
+    /// What follows is looked at again from its first octet: a computer does not see when a line is idle.
     #[cold]
     pub(crate) fn line_error(&mut self, now: Instant) {
-        if self.waiting != Waiting::Nothing {
-            self.waiting = Waiting::Nothing;
-            self.counters.overtaken += 1;
-        }
-        self.repliers = Repliers::default();
+        self.counters.overtaken += u64::from(self.waiting != Waiting::Nothing);
         self.counters.line_errors += 1;
+        self.abandon();
         self.receiver.line_error(now);
+        self.tell_line_error(now);
+    }
+
+    fn tell_line_error(&mut self, now: Instant) {
         for at in 0..self.stations.as_slice().len() {
             self.stations.call(at, |station| station.line_error(now));
         }
@@ -126,6 +173,7 @@ impl<S: Station + RateListener> Line<S> {
     /// which window.
     #[inline]
     pub(crate) fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        self.asked = now;
         if self.faults.is_active() {
             self.receive_through_faults(now, octets)
         } else {
@@ -187,9 +235,7 @@ impl<S: Station + RateListener> Line<S> {
         self.deaf = true;
         self.ended = false;
         self.abandon();
-        for at in 0..self.stations.as_slice().len() {
-            self.stations.call(at, |station| station.line_error(now));
-        }
+        self.tell_line_error(now);
         None
     }
 }
@@ -289,6 +335,12 @@ pub(crate) fn garbage<S: Station>(
 #[inline]
 pub(crate) fn within(window: Window, now: Instant) -> Instant {
     now.max(window.not_before).min(window.not_after)
+}
+
+/// How many whole bit times these are.
+fn bits(rate: Baudrate, span: Duration) -> BitTimes {
+    let bits = u128::from(span.as_nanos()) * u128::from(rate.bits_per_second()) / 1_000_000_000;
+    BitTimes(u32::try_from(bits).unwrap_or(u32::MAX))
 }
 
 /// How long so many octets take.

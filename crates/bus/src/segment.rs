@@ -3,11 +3,12 @@
 //! A telegram costs at most one poll, one read and one write; nothing is allocated, locked or logged on
 //! its way.
 
+use std::fmt;
 use std::num::NonZeroU64;
 use std::ops::ControlFlow;
 
 use profibus_dp::Station;
-use profibus_dp::time::{Baudrate, Duration, Instant};
+use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
 
 use crate::clock::WallClock;
 use crate::collision::collide;
@@ -36,12 +37,16 @@ pub struct Settings {
     pub pace: bool,
     /// A reply that would start later than this is not sent; the master's retry gets it.
     pub reply_limit: Duration,
+    /// A reply on a serial device that starts later than this after its request is counted, and told as
+    /// [`News::LateReplies`]. `None`: max T_SDR of the rate, or min T_SDR where a master has set that
+    /// higher, and 11 bit times.
+    pub max_tsdr: Option<BitTimes>,
 }
 
 impl Default for Settings {
     /// At once, or within 10 ms.
     fn default() -> Self {
-        Self { pace: false, reply_limit: Duration::from_millis(10) }
+        Self { pace: false, reply_limit: Duration::from_millis(10), max_tsdr: None }
     }
 }
 
@@ -56,6 +61,8 @@ pub struct Counters {
     pub overtaken: u64,
     /// Replies dropped because they were older than the reply limit.
     pub late: u64,
+    /// Replies on a serial device that started after [`Settings::max_tsdr`]; they were sent all the same.
+    pub after_max_tsdr: u64,
     /// Replies that two stations gave at once.
     pub collisions: u64,
     /// Replies of which the end took none or not all.
@@ -75,8 +82,34 @@ pub enum News {
     RateChanged(Option<Baudrate>),
     /// Nobody is there any more.
     MasterLeft,
+    /// Replies started too late; told with the first, the second, the fourth, and so on.
+    LateReplies(LateReplies),
     /// Something that changes nothing for the segment.
     Noted(Note),
+}
+
+/// Replies that started so late that masters may have given up. Prints as a sentence.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LateReplies {
+    /// How many so far.
+    pub count: u64,
+    /// How long after its request the newest started, as far as the computer sees: what the adapter
+    /// adds comes on top.
+    pub took: BitTimes,
+    /// How long it may have taken.
+    pub limit: BitTimes,
+}
+
+impl fmt::Display for LateReplies {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { count, took: BitTimes(took), limit: BitTimes(limit) } = self;
+        let replies = if *count == 1 { "reply has" } else { "replies have" };
+        write!(
+            f,
+            "{count} {replies} started late, the newest {took} bit times after its request, and {limit} are \
+             allowed: give the master a longer slot time"
+        )
+    }
 }
 
 /// What the owner of a running segment does on the segment's thread.
@@ -97,6 +130,8 @@ pub trait Handler<S> {
 #[derive(Debug)]
 pub struct Segment<S> {
     end: Box<dyn End>,
+    /// The end hears one rate at a time.
+    tunable: bool,
     clock: WallClock,
     line: Line<S>,
     buffer: Box<[u8]>,
@@ -106,7 +141,8 @@ impl<S: Station + RateListener> Segment<S> {
     /// A segment without stations.
     pub fn new(end: Box<dyn End>, clock: WallClock, settings: Settings) -> Self {
         let line = Line::new(settings);
-        Self { end, clock, line, buffer: vec![0; 4096].into_boxed_slice() }
+        let tunable = end.is_tunable();
+        Self { end, tunable, clock, line, buffer: vec![0; 4096].into_boxed_slice() }
     }
 
     /// Adds a station, and says by which number it is known here.
@@ -193,6 +229,9 @@ impl<S: Station + RateListener> Segment<S> {
                 self.line.stations.poll(now);
             }
             self.go_on_waiting(now)?;
+            if self.tunable {
+                self.see_to_device(handler)?;
+            }
             let until = self.line.waiting.until().min(self.line.stations.earliest());
             let timeout = (until != Instant::MAX).then(|| until.since(now));
             let event = self.end.wait(timeout, &mut self.buffer)?;
@@ -207,6 +246,22 @@ impl<S: Station + RateListener> Segment<S> {
                 }
             }
         }
+    }
+
+    /// What only an end that hears one rate at a time asks for.
+    fn see_to_device<H: Handler<S>>(&mut self, handler: &mut H) -> Result<(), EndError> {
+        if let Some(late) = self.line.late_replies.take() {
+            handler.news(self, News::LateReplies(late));
+            self.line.stations.refresh_all();
+        }
+        let wanted = self.line.wanted_rate();
+        if wanted != self.line.rate
+            && let Some(rate) = wanted
+        {
+            self.end.tune(rate)?;
+            self.line.retune(rate);
+        }
+        Ok(())
     }
 
     #[cold]
@@ -232,6 +287,7 @@ impl<S: Station + RateListener> Segment<S> {
                 self.line.set_rate(now, rate);
             }
             News::MasterLeft => self.line.abandon(),
+            News::LateReplies(_) => {}
             News::Noted(note) => self.line.counters.refused += u64::from(note == Note::Refused),
         }
         handler.news(self, news);
@@ -245,6 +301,11 @@ impl<S: Station + RateListener> Segment<S> {
         let Some(window) = self.line.receive(now, octets) else {
             return Ok(());
         };
+        if self.tunable {
+            // They took their time, and the computer has heard of it late: this is the least delay.
+            self.line.waiting = Waiting::Start(window.not_before);
+            return Ok(());
+        }
         if self.line.settings.pace {
             // The octets came all at once; on a bus they would have come one by one until later.
             let request = self.line.bus_rate().duration(characters(count));
@@ -307,6 +368,9 @@ impl<S: Station + RateListener> Segment<S> {
         }
         // Handing out the reply may have changed the address of its station.
         stations.refresh(at);
+        if self.tunable {
+            self.line.judge_start(window, self.clock.now());
+        }
         Ok(())
     }
 

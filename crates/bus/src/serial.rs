@@ -7,16 +7,22 @@
 //! | The system takes settings that the driver does not have | all are read back |
 //! | A second program takes half of the octets | the device is claimed, for programs that ask (`flock`) and for those that do not (`TIOCEXCL`) |
 //! | Octets of another rate are heard after a change | thrown away |
+//! | An adapter keeps octets for 16 ms before it hands them over | told to keep them for 1 ms, where the driver has that |
+//! | The transmitter is never switched on, or never off | RS-485 mode, where the driver has it |
 
+mod adapter;
 mod marks;
+mod rates;
 mod settings;
 mod trouble;
 
+use std::collections::VecDeque;
 use std::os::fd::OwnedFd;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant as Moment;
 
+use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::{Baudrate, Duration};
 use rustix::event::{PollFd, PollFlags, poll};
 use rustix::fs::{FlockOperation, Mode, OFlags, flock, open};
@@ -24,10 +30,13 @@ use rustix::io::{Errno, read, write};
 use rustix::termios::{ioctl_tiocexcl, isatty};
 
 use crate::brisk::Pace;
-use crate::end::{End, EndError, Event, Waker, Written};
+use crate::end::{End, EndError, Event, Note, Waker, Written};
 use crate::wake::{EventFd, timespec};
+pub use adapter::Latency;
+use adapter::Rs485;
 use marks::{Found, Marks};
-use settings::Kind;
+pub use rates::Rates;
+use settings::{Kind, Refusal};
 use trouble::Trouble;
 
 /// So many octets are read at once.
@@ -40,6 +49,12 @@ pub struct SerialEnd {
     device: OwnedFd,
     kind: Kind,
     rate: Baudrate,
+    /// The device refuses this rate.
+    deaf: bool,
+    /// Kept for its end.
+    _rs485: Option<Rs485>,
+    /// Still to be told.
+    notes: VecDeque<Note>,
     /// For a master: somebody can be there from the beginning, and may leave.
     for_master: bool,
     /// That is still to be told.
@@ -54,14 +69,14 @@ pub struct SerialEnd {
 }
 
 impl SerialEnd {
-    /// Opens a device for slaves: it hears one rate at a time, beginning with `rate`.
+    /// Opens a device for slaves: it hears one rate at a time, which [`tune`](End::tune) changes.
     ///
     /// # Errors
     ///
     /// There is no such device, it may not be opened, another program has it, it is no serial device
-    /// or refuses the rate.
-    pub fn open(path: &Path, rate: Baudrate) -> Result<Self, EndError> {
-        Self::at(path, rate, false)
+    /// or refuses the fixed rate, or all where one is searched.
+    pub fn open(path: &Path, baud: BaudSetting) -> Result<Self, EndError> {
+        Self::at(path, baud, false)
     }
 
     /// Opens a device for a master, with the master's rate.
@@ -70,10 +85,10 @@ impl SerialEnd {
     ///
     /// As [`open`](Self::open).
     pub fn open_for_master(path: &Path, rate: Baudrate) -> Result<Self, EndError> {
-        Self::at(path, rate, true)
+        Self::at(path, BaudSetting::Fixed(rate), true)
     }
 
-    fn at(path: &Path, rate: Baudrate, for_master: bool) -> Result<Self, EndError> {
+    fn at(path: &Path, baud: BaudSetting, for_master: bool) -> Result<Self, EndError> {
         let trouble = Trouble::new(path);
         let kind = Kind::of(path).map_err(|error| trouble.cannot_open(error))?;
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
@@ -82,14 +97,26 @@ impl SerialEnd {
             return Err(trouble.no_terminal());
         }
         claim(&device, kind).map_err(|error| trouble.cannot_open(error))?;
-        settings::set_up(&device, kind, rate)
+        let (rate, refused) = settings::set_up_for(&device, kind, baud)
             .map_err(|refusal| trouble.cannot_set(&device, kind, refusal))?;
+        let mut notes = VecDeque::new();
+        let mut rs485 = None;
+        if kind == Kind::Uart {
+            rs485 = Rs485::switch_on(&device);
+            notes.extend(adapter::notes(&device, rs485.as_ref()));
+        }
+        if !refused.is_empty() {
+            notes.push_back(Note::RatesRefused(refused));
+        }
         let wake = EventFd::new().map_err(|error| trouble.cannot_open(error))?;
         Ok(Self {
             name: path.display().to_string(),
             device,
             kind,
             rate,
+            deaf: false,
+            _rs485: rs485,
+            notes,
             for_master,
             unannounced: for_master,
             marks: Marks::default(),
@@ -134,7 +161,7 @@ impl SerialEnd {
         if pace.is_brisk()
             && let Some(count) = pace.catch(Moment::now(), timeout, wake, || read(&*device, &mut **chunk))
         {
-            self.rest = 0..count;
+            self.take(count);
             return Ok(None);
         }
         let timeout = timeout.map(timespec);
@@ -154,7 +181,7 @@ impl SerialEnd {
         match read(&self.device, &mut *self.read) {
             Ok(count) if count > 0 => {
                 self.pace.slept(Moment::now());
-                self.rest = 0..count;
+                self.take(count);
                 Ok(None)
             }
             Err(Errno::AGAIN | Errno::INTR) => Ok(Some(Event::TimedOut)),
@@ -165,6 +192,11 @@ impl SerialEnd {
             Ok(_) => Err(self.broken("read from", Errno::IO)),
             Err(error) => Err(self.broken("read from", error)),
         }
+    }
+
+    /// So many octets were read.
+    fn take(&mut self, count: usize) {
+        self.rest = 0..if self.deaf { 0 } else { count };
     }
 
     fn broken(&self, step: &'static str, error: Errno) -> EndError {
@@ -185,6 +217,9 @@ impl End for SerialEnd {
         if let Some(event) = self.look(buffer) {
             return Ok(event);
         }
+        if let Some(note) = self.notes.pop_front() {
+            return Ok(Event::Noted(note));
+        }
         if let Some(event) = self.fill(timeout)? {
             return Ok(event);
         }
@@ -193,7 +228,7 @@ impl End for SerialEnd {
 
     #[inline]
     fn write(&mut self, octets: &[u8]) -> Result<Written, EndError> {
-        if self.gone {
+        if self.gone || self.deaf {
             return Ok(Written::Dropped(octets.len()));
         }
         match write(&self.device, octets) {
@@ -207,6 +242,27 @@ impl End for SerialEnd {
 
     fn name(&self) -> &str {
         &self.name
+    }
+
+    fn is_tunable(&self) -> bool {
+        !self.for_master
+    }
+
+    fn tune(&mut self, rate: Baudrate) -> Result<(), EndError> {
+        if rate == self.rate && !self.deaf {
+            return Ok(());
+        }
+        self.rest = 0..0;
+        self.marks.forget();
+        self.rate = rate;
+        match settings::set_up(&self.device, self.kind, rate) {
+            Ok(()) => self.deaf = false,
+            Err(Refusal::Rate { .. }) => self.deaf = true,
+            Err(refusal) => {
+                return Err(Trouble::new(Path::new(&self.name)).cannot_set(&self.device, self.kind, refusal));
+            }
+        }
+        Ok(())
     }
 
     fn waker(&self) -> Waker {

@@ -12,9 +12,11 @@ use bus::{
     open_for_master, open_for_slaves,
 };
 use common::{Listener, STATUS_11, STATUS_11_ANSWER, status, status_answer};
+use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::{Baudrate, Duration};
 
 const RATE: Baudrate = Baudrate::B93750;
+const SEARCH: BaudSetting = BaudSetting::Search(Baudrate::B500000);
 const SECOND: Option<Duration> = Some(Duration::from_secs(1));
 const PATIENCE: Time = Time::from_secs(5);
 
@@ -70,7 +72,7 @@ struct Slaves {
 
 impl Slaves {
     fn at(text: &str) -> Self {
-        let end = open_for_slaves(&port(text), Baudrate::B500000).unwrap();
+        let end = open_for_slaves(&port(text), SEARCH).unwrap();
         let settings = Settings { reply_limit: Duration::from_secs(4), ..Settings::default() };
         let mut segment = Segment::new(end, WallClock::new(), settings);
         segment.add(Listener::at(11));
@@ -116,7 +118,7 @@ fn a_master_reaches_a_pseudo_terminal_at_his_rate() {
 
 #[test]
 fn every_octet_comes_over_a_pseudo_terminal_as_it_is() {
-    let mut slave = open_for_slaves(&port("pty"), RATE).unwrap();
+    let mut slave = open_for_slaves(&port("pty"), SEARCH).unwrap();
     let mut master = dial(slave.name()).unwrap();
     let all: Vec<u8> = (0..=255).chain([0xFF, 0x00, 0xFF, 0xFF, 0x00]).collect();
     assert_eq!(event(&mut *master, &mut [0; 16]), Event::Came(Some(RATE)));
@@ -129,7 +131,7 @@ fn every_octet_comes_over_a_pseudo_terminal_as_it_is() {
 
 #[test]
 fn a_pseudo_terminal_has_one_master_at_a_time() {
-    let slave = open_for_slaves(&port("pty"), RATE).unwrap();
+    let slave = open_for_slaves(&port("pty"), SEARCH).unwrap();
     let first = dial(slave.name()).unwrap();
     let error = dial(slave.name()).unwrap_err().to_string();
     assert!(error.contains("another program has it") && error.contains("fuser -v /dev/pts/"), "{error}");
@@ -139,7 +141,7 @@ fn a_pseudo_terminal_has_one_master_at_a_time() {
 
 #[test]
 fn a_master_is_told_that_the_slaves_have_gone() {
-    let slave = open_for_slaves(&port("pty"), RATE).unwrap();
+    let slave = open_for_slaves(&port("pty"), SEARCH).unwrap();
     let mut master = dial(slave.name()).unwrap();
     assert_eq!(event(&mut *master, &mut [0; 16]), Event::Came(Some(RATE)));
     drop(slave);

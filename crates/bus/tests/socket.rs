@@ -127,7 +127,7 @@ fn start_with(end: SocketEnd, settings: Settings) -> Running {
 
 /// A busy computer may be late, and masters here do not ask twice.
 fn settings(pace: bool) -> Settings {
-    Settings { pace, reply_limit: Duration::from_secs(4) }
+    Settings { pace, reply_limit: Duration::from_secs(4), ..Settings::default() }
 }
 
 fn start(end: SocketEnd) -> Running {

@@ -13,6 +13,7 @@ mod gsd;
 mod output;
 mod run;
 mod scaling;
+mod search;
 mod thinning;
 
 use std::process::ExitCode;
@@ -36,7 +37,7 @@ struct Cli {
 enum Command {
     /// Show a start-up, a turning shaft, a preset, a warning and a refusal, then end
     Demo(demo::Options),
-    /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP or a Unix socket
+    /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP, a Unix socket or a serial device
     Run(Box<run::Run>),
     /// Telegrams in words: from arguments, a file or standard input
     Decode(decode::Decode),

@@ -7,6 +7,8 @@ use std::time::Duration;
 use bus::{Link, PortAddress, Settings, open_for_slaves};
 use clap::Args;
 use plant::{EncoderSetup, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World};
+use profibus_dp::fdl::BaudSetting;
+use profibus_dp::time::BitTimes;
 use sch108bex::Identity;
 use sch108bex::end_cap::{EffectiveAddress, RotarySwitches, TerminationSwitches, effective_address};
 use sch108bex::health::Measurement;
@@ -19,6 +21,7 @@ use crate::Failure;
 use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
 use crate::gsd::Offer;
 use crate::output;
+use crate::search::Searches;
 use crate::thinning::Thinning;
 
 /// Put virtual encoders on a bus for your own master
@@ -38,13 +41,17 @@ pub(crate) struct Run {
     ///
     /// unix:PATH: your master connects to this Unix socket.
     ///
-    /// One master at a time: while one is connected, others are refused.
+    /// /dev/...: a serial device, such as an RS-485 adapter on a real bus; docs/serial.md says what it must
+    /// be able to do.
+    ///
+    /// Pseudo terminals and sockets: one master at a time; while one is connected, others are refused.
     #[arg(long, default_value = "pty", value_name = "PORT")]
     port: PortAddress,
     /// Make a symbolic link to the pseudo terminal, and remove it at the end
     #[arg(long, value_name = "PATH")]
     link: Option<PathBuf>,
-    /// The rate that the encoders listen at: auto takes the master's
+    /// The rate that the encoders listen at: auto takes the master's, which they have to search on a serial
+    /// device
     #[arg(long, default_value = "auto", value_name = "auto|RATE", allow_hyphen_values = true)]
     baud: Baud,
     /// Take as long as a real bus of the rate would, min T_SDR included
@@ -93,6 +100,10 @@ pub(crate) struct Run {
     /// A reply that would start later than this is not sent
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
+    /// On a serial device: replies that start later than this after their request are counted and reported;
+    /// max T_SDR of the rate if left out. They are sent all the same
+    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "BITS", allow_negative_numbers = true)]
+    max_tsdr: Option<u32>,
     /// A further encoder on the same bus: KEY=VALUE pairs with commas between (switches, bits,
     /// serial, state, shaft, termination); what is not named is as with the first, but a state file is never shared. May be given many times
     #[arg(long = "encoder", value_name = "KEY=VALUE,...")]
@@ -114,7 +125,7 @@ impl Run {
         let offer = Offer::new(self.ident, self.gsd.as_deref(), self.bits)?;
         let encoders = self.encoders(&offer, &reports)?;
         let notes: Vec<String> = encoders.iter().flat_map(|(_, notes)| notes.clone()).collect();
-        let end = open_for_slaves(&self.port, bus::segment::DEFAULT_RATE).map_err(failed)?;
+        let end = open_for_slaves(&self.port, self.baud_of_device()).map_err(failed)?;
         let bus = end.name().to_owned();
         let link = self.link.as_deref().map(|link| Link::create(link, Path::new(&bus))).transpose();
         let _link = link.map_err(failed)?;
@@ -125,6 +136,7 @@ impl Run {
             settings: Settings {
                 pace: self.pace,
                 reply_limit: profibus_dp::time::Duration::from_millis(self.reply_limit),
+                max_tsdr: self.max_tsdr.map(BitTimes),
             },
             encoders: encoders.into_iter().map(|(setup, _)| setup).collect(),
         };
@@ -145,21 +157,27 @@ impl Run {
         plant.stop().map_err(failed)
     }
 
-    /// What --port asks for and cannot be had.
+    /// What does not go together with this --port.
     fn check_port(&self) -> Result<(), Failure> {
-        if let PortAddress::Device(path) = &self.port {
-            return Err(Failure::Usage(format!(
-                "--port {}: serial devices are not there yet; write pty, tcp-listen:ADDRESS:PORT, \
-                 tcp:ADDRESS:PORT or unix:PATH",
-                path.display()
-            )));
+        let device = matches!(self.port, PortAddress::Device(_));
+        let wrong = if self.link.is_some() && self.port != PortAddress::Pty {
+            "--link names a pseudo terminal, and this --port is none; leave --link out"
+        } else if device && self.pace {
+            "--pace is for buses without a time of their own, and a serial device has its own; leave --pace out"
+        } else if !device && self.max_tsdr.is_some() {
+            "--max-tsdr is for a serial device, and this --port is none; leave --max-tsdr out"
+        } else {
+            return Ok(());
+        };
+        Err(Failure::Usage(wrong.to_owned()))
+    }
+
+    /// How a serial device is to listen.
+    fn baud_of_device(&self) -> BaudSetting {
+        match self.baud {
+            Baud::Auto => BaudSetting::Search(bus::segment::DEFAULT_RATE),
+            Baud::Fixed(rate) => BaudSetting::Fixed(rate),
         }
-        if self.link.is_some() && self.port != PortAddress::Pty {
-            return Err(Failure::Usage(
-                "--link names a pseudo terminal, and this --port is none; leave --link out".to_owned(),
-            ));
-        }
-        Ok(())
     }
 
     /// The encoders, each with what is worth saying about its address.
@@ -205,9 +223,10 @@ impl Run {
             battery: self.battery.into(),
         });
         let notes = [note_on_state(name, &stored), note_on_address(name, &identity, &stored, world)];
-        let rate = match self.baud {
-            Baud::Auto => Rate::OfTheEnd,
-            Baud::Fixed(rate) => Rate::Fixed(rate),
+        let rate = match (self.baud, &self.port) {
+            (Baud::Auto, PortAddress::Device(_)) => Rate::Search(bus::segment::DEFAULT_RATE),
+            (Baud::Auto, _) => Rate::OfTheEnd,
+            (Baud::Fixed(rate), _) => Rate::Fixed(rate),
         };
         let reporter = Reporter::new(name, Some(reports.clone()));
         Ok((
@@ -311,6 +330,7 @@ fn end_on_signals(to_main: &Sender<Wake>) -> Result<(), Failure> {
 fn tell_until_end(wakes: &mpsc::Receiver<Wake>) {
     const QUIET: Duration = Duration::from_secs(1);
     let mut thinning = Thinning::default();
+    let mut searches = Searches::default();
     let tell_held = |thinning: &mut Thinning| {
         for (text, times) in thinning.take_held() {
             output::line(&format!("             {text} ({times} times more)"));
@@ -318,6 +338,7 @@ fn tell_until_end(wakes: &mpsc::Receiver<Wake>) {
     };
     loop {
         match wakes.recv_timeout(QUIET) {
+            Ok(Wake::Report(report)) if !searches.is_news(&report) => {}
             Ok(Wake::Report(Report { at, who, what })) => {
                 let text = format!("{who}: {what}");
                 let Some(held) = thinning.admit(&text, std::time::Instant::now()) else {

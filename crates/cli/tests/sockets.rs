@@ -234,6 +234,34 @@ fn a_master_connects_over_a_unix_socket() {
 }
 
 #[test]
+fn several_encoders_answer_on_every_kind_of_socket() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("bus");
+    let elsewhere = TcpListener::bind("127.0.0.1:0").unwrap();
+    let ports = [
+        "tcp-listen:127.0.0.1:0".to_owned(),
+        format!("tcp:{}", elsewhere.local_addr().unwrap()),
+        format!("unix:{}", path.display()),
+    ];
+    for port in ports {
+        let options =
+            ["--port", &port, "--switches", "05", "--encoder", "switches=06", "--encoder", "switches=7D"];
+        let mut program = run([&options[..], &["--reply-limit", "4000"]].concat());
+        let bus = program.wait_for(&["bus: "]);
+        let mut master = match (port.split_once(':').unwrap().0, bus.strip_prefix("bus: tcp:")) {
+            ("tcp", _) => wire(elsewhere.accept().unwrap().0),
+            (_, Some(place)) => tcp(place),
+            _ => unix(&path),
+        };
+        for slave in [5, 6, 125, 6, 5] {
+            assert_eq!(ask(&mut master, &status(slave)), status_answer(slave), "{port}");
+        }
+        drop(master);
+        program.end();
+    }
+}
+
+#[test]
 fn a_paced_bus_takes_its_time_over_tcp_too() {
     let (program, place) = encoder("tcp-listen:127.0.0.1:0", &["--pace"]);
     let mut master = tcp(&place);
@@ -270,7 +298,7 @@ fn addresses_that_cannot_be_are_a_sentence_and_status_2() {
             ["127.0.0.1:0", "nobody listens on port 0; write the port where the other side listens"],
         ),
         ("unix:", ["unix:", "write the path of the socket, like unix:/tmp/bus"]),
-        ("/dev/ttyUSB0", ["/dev/ttyUSB0: serial devices are not there yet", "pty, tcp-listen:ADDRESS:PORT"]),
+        ("ttyUSB0", ["ttyUSB0", "or a device like /dev/ttyUSB0"]),
     ] {
         let ended = end_of(program().args(["run", "--port", port]));
         assert_eq!((ended.status, ended.output.as_str()), (Some(2), ""), "{port}: {}", ended.errors);

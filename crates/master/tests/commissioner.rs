@@ -9,6 +9,7 @@ use master::{
     Commissioner, LightMaster, MasterSettings, Parameters, Service, Settings, SlaveSettings, Watchdog,
 };
 use plant::{EncoderStation, Rate};
+use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
 
 const INPUTS: [u8; 4] = [0x12, 0x34, 0x56, 0x78];
@@ -290,7 +291,7 @@ fn settings_that_cannot_be_are_sentences() {
 }
 
 fn over(address: &PortAddress, rate: Baudrate) {
-    let far = open_for_slaves(address, rate).unwrap();
+    let far = open_for_slaves(address, BaudSetting::Fixed(rate)).unwrap();
     let name = far.name().trim_start_matches("unix:").to_owned();
     let encoder = common::real(far);
     let port: PortAddress = match address {

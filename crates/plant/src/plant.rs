@@ -286,6 +286,7 @@ impl Handler<EncoderStation> for Operator {
             News::MasterCame(rate) => What::MasterCame(rate),
             News::RateChanged(rate) => What::RateChanged(rate),
             News::MasterLeft => What::MasterLeft,
+            News::LateReplies(late) => What::LateReplies(late),
             News::Noted(note) => What::Noted(note),
         };
         self.reporter.tell(segment.now(), what);

@@ -38,6 +38,8 @@ pub enum What {
     RateChanged(Option<profibus_dp::time::Baudrate>),
     /// The master has closed the segment's end.
     MasterLeft,
+    /// Replies on a serial device started later than masters wait.
+    LateReplies(bus::LateReplies),
     /// The segment's end has something to say that changes nothing.
     Noted(bus::Note),
     /// The segment has ended because its end broke. The text says why.
@@ -60,6 +62,7 @@ impl std::fmt::Display for What {
             Self::MasterConnected => f.write_str("a master has connected"),
             Self::RateChanged(found) => write!(f, "the master has changed to {}", rate(found)),
             Self::MasterLeft => f.write_str("the master has closed the bus"),
+            Self::LateReplies(late) => late.fmt(f),
             Self::Noted(note) => note.fmt(f),
             Self::SegmentBroke(why) => write!(f, "the segment has ended: {why}"),
         }

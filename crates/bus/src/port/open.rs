@@ -3,6 +3,7 @@
 use std::io::ErrorKind;
 use std::time::{Duration as Time, Instant as Moment};
 
+use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::{Baudrate, Duration};
 
 use crate::end::{End, EndError};
@@ -16,18 +17,19 @@ const PAUSE: Time = Time::from_millis(20);
 
 /// Opens a port for the slaves of a [`Segment`](crate::Segment).
 ///
-/// `rate` is where a serial device begins to listen; the other ends take the master's or have none.
+/// `baud` says at which rate a serial device listens: a fixed one, which its driver must have, or one
+/// after the other, of which it must have one. The other ends take the master's or have none.
 ///
 /// # Errors
 ///
 /// The port cannot be had. That no master is there yet is no error.
-pub fn open_for_slaves(address: &PortAddress, rate: Baudrate) -> Result<Box<dyn End>, EndError> {
+pub fn open_for_slaves(address: &PortAddress, baud: BaudSetting) -> Result<Box<dyn End>, EndError> {
     Ok(match address {
         PortAddress::Pty => Box::new(PtyEnd::open()?),
         PortAddress::TcpListen(address) => Box::new(SocketEnd::listen_tcp(address)?),
         PortAddress::Tcp(address) => Box::new(SocketEnd::connect_tcp(address)?),
         PortAddress::Unix(path) => Box::new(SocketEnd::listen_unix(path)?),
-        PortAddress::Device(path) => Box::new(SerialEnd::open(path, rate)?),
+        PortAddress::Device(path) => Box::new(SerialEnd::open(path, baud)?),
     })
 }
 

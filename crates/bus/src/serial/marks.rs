@@ -54,6 +54,11 @@ impl Marks {
         }
         (read.len(), Found::Octets(count))
     }
+
+    /// Forgets a mark that was begun.
+    pub(super) fn forget(&mut self) {
+        *self = Self::Outside;
+    }
 }
 
 #[cfg(test)]

@@ -4,6 +4,7 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::path::Path;
 
+use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::Baudrate;
 use rustix::fs::major;
 use rustix::io::Errno;
@@ -11,6 +12,8 @@ use rustix::termios::{
     ControlModes, InputModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios, tcflush, tcgetattr,
     tcsetattr,
 };
+
+use crate::serial::Rates;
 
 /// So far may a rate be off, in thousandths. Two UARTs still understand each other at twice that.
 const TOLERANCE: u64 = 15;
@@ -55,7 +58,7 @@ impl Kind {
     }
 }
 
-/// Raw, 8E1, this rate, errors marked. All of it is read back.
+/// Raw, 8E1, this rate, errors marked. All of it is read back. What was received before is thrown away.
 pub(super) fn set_up(device: &OwnedFd, kind: Kind, rate: Baudrate) -> Result<(), Refusal> {
     let mut settings = tcgetattr(device).map_err(Refusal::Failed)?;
     settings.make_raw();
@@ -70,15 +73,34 @@ pub(super) fn set_up(device: &OwnedFd, kind: Kind, rate: Baudrate) -> Result<(),
     apply(device, kind, settings, rate)
 }
 
-/// Another rate, everything else as it is. What came at the old one is thrown away.
-pub(super) fn change_rate(device: &OwnedFd, kind: Kind, rate: Baudrate) -> Result<(), Refusal> {
-    let settings = tcgetattr(device).map_err(Refusal::Failed)?;
-    apply(device, kind, settings, rate)
+/// [`set_up`] with a rate that fits, which is returned along with those of the ten that the device
+/// refuses; where only one is wanted, no others are tried.
+pub(super) fn set_up_for(
+    device: &OwnedFd,
+    kind: Kind,
+    baud: BaudSetting,
+) -> Result<(Baudrate, Rates), Refusal> {
+    let first = match baud {
+        BaudSetting::Fixed(rate) => {
+            return set_up(device, kind, rate).map(|()| (rate, Rates::default()));
+        }
+        BaudSetting::Search(first) => first,
+    };
+    match set_up(device, kind, first) {
+        Ok(()) | Err(Refusal::Rate { .. }) => {}
+        Err(refusal) => return Err(refusal),
+    }
+    let possible = possible_rates(device, kind);
+    let rate = if possible.contains(first) { Some(first) } else { possible.iter().next_back() };
+    let rate = rate.ok_or(Refusal::Rate { asked: first, made: 0 })?;
+    set_up(device, kind, rate)?;
+    Ok((rate, possible.others()))
 }
 
-/// The rates, of the ten, that a device takes. It keeps the last of them.
-pub(super) fn possible_rates(device: &OwnedFd, kind: Kind) -> Vec<Baudrate> {
-    Baudrate::ALL.into_iter().filter(|rate| change_rate(device, kind, *rate).is_ok()).collect()
+/// The rates, of the ten, that a device takes. It is left at any of them.
+pub(super) fn possible_rates(device: &OwnedFd, kind: Kind) -> Rates {
+    let takes = |rate: &Baudrate| kind == Kind::PseudoTerminal || set_up(device, kind, *rate).is_ok();
+    Baudrate::ALL.into_iter().filter(takes).collect()
 }
 
 fn apply(device: &OwnedFd, kind: Kind, mut wanted: Termios, rate: Baudrate) -> Result<(), Refusal> {
@@ -120,6 +142,50 @@ fn is_close(made: u32, rate: Baudrate) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What a pseudo terminal has, as if it were the settings that a driver says it has.
+    fn settings() -> Termios {
+        let device = rustix::pty::openpt(rustix::pty::OpenptFlags::NOCTTY).unwrap();
+        set_up(&device, Kind::PseudoTerminal, Baudrate::B500000).unwrap();
+        tcgetattr(&device).unwrap()
+    }
+
+    #[test]
+    fn each_setting_that_a_driver_does_not_keep_is_found() {
+        let rate = Baudrate::B500000;
+        let found = settings();
+        assert_eq!(judge(&found, Kind::PseudoTerminal, rate), Ok(()));
+        assert_eq!(judge(&found, Kind::Uart, rate), Err(Refusal::Parity));
+        let mut even = found;
+        even.control_modes |= ControlModes::PARENB;
+        assert_eq!(judge(&even, Kind::Uart, rate), Ok(()));
+        let changed = |change: &dyn Fn(&mut Termios)| {
+            let mut settings = even.clone();
+            change(&mut settings);
+            judge(&settings, Kind::Uart, rate)
+        };
+        assert_eq!(changed(&|s| s.control_modes |= ControlModes::PARODD), Err(Refusal::Parity));
+        assert_eq!(changed(&|s| s.control_modes |= ControlModes::CSTOPB), Err(Refusal::Form));
+        assert_eq!(changed(&|s| s.control_modes |= ControlModes::CRTSCTS), Err(Refusal::Form));
+        assert_eq!(
+            changed(&|s| s.control_modes -= ControlModes::CS8 - ControlModes::CS7),
+            Err(Refusal::Form)
+        );
+        assert_eq!(changed(&|s| s.input_modes -= InputModes::INPCK), Err(Refusal::Form));
+        assert_eq!(changed(&|s| s.input_modes -= InputModes::PARMRK), Err(Refusal::Form));
+        let other = changed(&|s| s.set_speed(460_800).unwrap());
+        assert_eq!(other, Err(Refusal::Rate { asked: rate, made: 460_800 }));
+    }
+
+    #[test]
+    fn a_search_takes_what_the_device_has() {
+        let device = rustix::pty::openpt(rustix::pty::OpenptFlags::NOCTTY).unwrap();
+        let search = BaudSetting::Search(Baudrate::B19200);
+        let taken = set_up_for(&device, Kind::PseudoTerminal, search);
+        assert_eq!(taken, Ok((Baudrate::B19200, Rates::default())));
+        // As a UART it keeps no parity, whatever the rate.
+        assert_eq!(set_up_for(&device, Kind::Uart, search), Err(Refusal::Parity));
+    }
 
     #[test]
     fn a_rate_that_is_off_by_more_than_one_and_a_half_percent_is_refused() {

@@ -6,10 +6,10 @@ use std::os::fd::OwnedFd;
 use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
-use profibus_dp::time::Baudrate;
 use rustix::io::Errno;
 
 use crate::end::EndError;
+use crate::serial::Rates;
 use crate::serial::settings::{self, Kind, Refusal};
 
 /// Makes errors about one device.
@@ -64,7 +64,7 @@ impl<'a> Trouble<'a> {
                 let made = if made == 0 { String::new() } else { format!(" and makes {made} of it") };
                 let why = format!("its driver refuses {} bit/s{made}", asked.bits_per_second());
                 let possible = settings::possible_rates(device, kind);
-                self.error("set up", io::Error::other(why), other_rates(&possible))
+                self.error("set up", io::Error::other(why), other_rates(possible))
             }
             Refusal::Parity => self.error(
                 "set up",
@@ -116,12 +116,11 @@ impl<'a> Trouble<'a> {
 const NOTHING_BEHIND: &str =
     "nothing is behind this name: the adapter was unplugged, or the computer has no such port";
 
-fn other_rates(possible: &[Baudrate]) -> String {
+fn other_rates(possible: Rates) -> String {
     if possible.is_empty() {
         return "it takes none of PROFIBUS's rates: use another adapter".to_owned();
     }
-    let rates: Vec<_> = possible.iter().map(|rate| rate.bits_per_second().to_string()).collect();
-    format!("it takes {}: use one of these, or another adapter", rates.join(", "))
+    format!("it takes {possible}: use one of these, or another adapter")
 }
 
 /// The name of a group in the text of /etc/group.
@@ -136,6 +135,10 @@ fn group_name(groups: &str, number: u32) -> Option<&str> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::fs::PermissionsExt;
+
+    use profibus_dp::time::Baudrate;
+
     use super::*;
 
     #[test]
@@ -144,6 +147,40 @@ mod tests {
         assert_eq!(group_name(groups, 20), Some("dialout"));
         assert_eq!(group_name(groups, 5), Some("tty"));
         assert_eq!(group_name(groups, 2), None);
+    }
+
+    #[test]
+    fn who_may_open_a_device_is_told_by_its_rights() {
+        let directory = tempfile::tempdir().unwrap();
+        let path = directory.path().join("device");
+        fs::write(&path, "").unwrap();
+        let found = fs::metadata(&path).unwrap();
+        let groups = fs::read_to_string("/etc/group").unwrap_or_default();
+        let due = group_name(&groups, found.gid())
+            .map_or("become a member of it".to_owned(), |name| format!("usermod -aG {name} $USER"));
+        for (mode, due) in [(0o660, due.as_str()), (0o600, "only its owner"), (0o640, "only its owner")] {
+            fs::set_permissions(&path, fs::Permissions::from_mode(mode)).unwrap();
+            let text = Trouble::new(&path).cannot_open(Errno::ACCESS).to_string();
+            assert!(text.contains("Permission denied") && text.contains(due), "{mode:o}: {text}");
+        }
+    }
+
+    #[test]
+    fn what_a_driver_does_not_keep_is_told_with_what_it_has() {
+        // A pseudo terminal takes all rates, so these are what is left to choose from.
+        let device = rustix::pty::openpt(rustix::pty::OpenptFlags::NOCTTY).unwrap();
+        let trouble = Trouble::new(Path::new("/dev/ttyS9"));
+        let refused = |made| Refusal::Rate { asked: Baudrate::B6000000, made };
+        for (refusal, words) in [
+            (refused(3_000_000), "its driver refuses 6000000 bit/s and makes 3000000 of it; it takes 9600, "),
+            (refused(0), "its driver refuses 6000000 bit/s; it takes 9600, "),
+            (Refusal::Parity, "its driver does not keep even parity; use an adapter that has it"),
+            (Refusal::Form, "8 data bits"),
+            (Refusal::Failed(Errno::IO), "the computer has no such port"),
+        ] {
+            let text = trouble.cannot_set(&device, Kind::PseudoTerminal, refusal).to_string();
+            assert!(text.starts_with("cannot set up /dev/ttyS9: ") && text.contains(words), "{text}");
+        }
     }
 
     #[test]
@@ -159,9 +196,9 @@ mod tests {
             assert!(text.contains("/dev/ttyUSB9: ") && text.contains(words), "{text}");
         }
         assert_eq!(
-            other_rates(&[Baudrate::B9600, Baudrate::B19200]),
+            other_rates([Baudrate::B9600, Baudrate::B19200].into_iter().collect()),
             "it takes 9600, 19200: use one of these, or another adapter"
         );
-        assert!(other_rates(&[]).contains("none of PROFIBUS's rates"));
+        assert!(other_rates(Rates::default()).contains("none of PROFIBUS's rates"));
     }
 }

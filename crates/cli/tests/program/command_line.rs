@@ -90,8 +90,6 @@ const WRONG: &[(&[&str], &[&str])] = &[
     (&["--reply-limit", "-1"], &["--reply-limit"]),
     (&["--reply-limit", "1e3"], &["--reply-limit"]),
     (&["--reply-limit", "99999999999999999999"], &["--reply-limit"]),
-    // Ends that are not there yet.
-    (&["--port", "/no/such/device"], &["--port /no/such/device", "pty"]),
     (&["--port", "nonsense"], &["--port", "nonsense", "pty"]),
     (&["--port", ""], &["--port", "write pty"]),
     // Further encoders.

@@ -50,10 +50,7 @@ pub(crate) fn run<A: AsRef<OsStr>>(arguments: impl IntoIterator<Item = A>) -> Pr
 
 /// Runs the program to its end, which must come soon.
 pub(crate) fn end_of(command: &mut Command) -> Ended {
-    let mut program = Program::start(command);
-    let status = program.wait();
-    let output: Vec<String> = program.lines.iter().collect();
-    Ended { status: status.code(), output: output.join("\n"), errors: program.take_errors() }
+    Program::start(command).ended()
 }
 
 impl Program {
@@ -137,6 +134,14 @@ impl Program {
     pub(crate) fn end_with(&mut self, signal: Signal) -> ExitStatus {
         kill_process(Pid::from_child(&self.child), signal).expect("it runs");
         self.wait()
+    }
+
+    /// What it leaves when it ends by itself, which must be soon.
+    #[track_caller]
+    pub(crate) fn ended(mut self) -> Ended {
+        let status = self.wait();
+        let output: Vec<String> = self.lines.iter().collect();
+        Ended { status: status.code(), output: output.join("\n"), errors: self.take_errors() }
     }
 
     /// Ends it in order, as Ctrl-C does.

@@ -13,6 +13,7 @@ mod kill;
 mod master;
 mod pyprofibus;
 mod refusals;
+mod serial;
 mod shown;
 mod state;
 mod timing;

@@ -1,12 +1,13 @@
 //! The terminal side of the bus, and a master that speaks to one slave.
 
 use std::os::fd::OwnedFd;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::fs::{Mode, OFlags};
 use rustix::io::Errno;
+use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{ControlModes, OptionalActions, tcgetattr, tcsetattr};
 
 /// The master's address.
@@ -85,6 +86,22 @@ impl Terminal {
         settings.set_speed(rate).expect("a rate");
         tcsetattr(&terminal, OptionalActions::Now, &settings).expect("settings");
         Self(terminal)
+    }
+
+    /// The far side of a serial device that is none: a new pseudo terminal, whose path a program opens.
+    pub(crate) fn cable() -> (Self, PathBuf) {
+        let flags = OpenptFlags::RDWR | OpenptFlags::NOCTTY | OpenptFlags::CLOEXEC;
+        let far = openpt(flags).expect("a pseudo terminal");
+        rustix::io::ioctl_fionbio(&far, true).expect("a pseudo terminal");
+        grantpt(&far).expect("its rights");
+        unlockpt(&far).expect("its other side");
+        let path = ptsname(&far, Vec::new()).expect("its name");
+        (Self(far), PathBuf::from(path.into_string().expect("a path")))
+    }
+
+    /// The rate that is set now, at either side.
+    pub(crate) fn rate(&self) -> u32 {
+        tcgetattr(&self.0).expect("settings").output_speed()
     }
 
     /// Sends all of it.

@@ -281,3 +281,34 @@ fn claim(device: &OwnedFd, kind: Kind) -> Result<(), Errno> {
     // A pseudo terminal would stay claimed after its user has gone.
     if kind == Kind::PseudoTerminal { Ok(()) } else { ioctl_tiocexcl(device) }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
+
+    use super::*;
+
+    const SOON: Option<Duration> = Some(Duration::from_millis(10));
+
+    #[test]
+    fn at_a_rate_that_the_device_refuses_nothing_is_heard_or_said() {
+        let far = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
+        grantpt(&far).unwrap();
+        unlockpt(&far).unwrap();
+        let path = PathBuf::from(ptsname(&far, Vec::new()).unwrap().into_string().unwrap());
+        let mut end = SerialEnd::open(&path, BaudSetting::Fixed(Baudrate::B9600)).unwrap();
+        // As after a refusal, which no pseudo terminal gives.
+        end.deaf = true;
+        let mut buffer = [0; 16];
+        write(&far, &[0x10, 0x0B]).unwrap();
+        assert_eq!(end.wait(SOON, &mut buffer).unwrap(), Event::TimedOut);
+        assert_eq!(end.write(&[0xE5]).unwrap(), Written::Dropped(1));
+        end.tune(Baudrate::B9600).unwrap();
+        assert_eq!(end.wait(SOON, &mut buffer).unwrap(), Event::TimedOut, "what came before");
+        write(&far, &[0xE5]).unwrap();
+        assert_eq!(end.wait(Some(Duration::from_secs(5)), &mut buffer).unwrap(), Event::Octets(1));
+        assert_eq!(end.write(&[0xE5]).unwrap(), Written::All);
+    }
+}

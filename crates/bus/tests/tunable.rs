@@ -278,14 +278,19 @@ fn a_character_with_an_error_spoils_its_telegram_and_reaches_every_station() {
 #[test]
 fn an_error_after_a_request_means_that_the_master_has_gone_on() {
     let (end, wire) = Wire::new(Baudrate::B9600);
-    let running = start(end, vec![Searcher::at(Some(11), Baudrate::B9600)]);
+    let mut station = Searcher::at(Some(11), Baudrate::B9600);
+    // 100 ms, so that no reply is out before the error.
+    station.station = station.station.at_rate(Baudrate::B9600).with_min_tsdr(960);
+    let running = start(end, vec![station]);
     wait_until("the rate", || wire.with(|shared| !shared.tuned.is_empty()));
     wire.end_search_of(&[11]);
     wire.send(STATUS_11.iter().copied().map(Some).chain([None]));
-    thread::sleep(Time::from_millis(50));
+    thread::sleep(Time::from_millis(200));
+    assert_eq!(wire.take_sent(), []);
+    wire.send_good(&STATUS_11);
+    wire.expect(&STATUS_11_ANSWER);
     let (_, counters) = running.end();
-    assert!(counters.replies + counters.overtaken == 1, "{counters:?}");
-    assert_eq!(counters.line_errors, 1);
+    assert_eq!((counters.replies, counters.overtaken, counters.line_errors), (1, 1, 1));
 }
 
 #[test]

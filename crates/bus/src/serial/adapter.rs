@@ -122,6 +122,15 @@ mod tests {
     }
 
     #[test]
+    fn a_driver_that_has_neither_is_said_to_have_neither() {
+        let device = rustix::pty::openpt(rustix::pty::OpenptFlags::NOCTTY).unwrap();
+        let rs485 = Rs485::switch_on(&device);
+        let notes = notes(&device, rs485.as_ref());
+        assert_eq!(notes, [Note::Rs485 { by_driver: false }, Note::Latency(Latency::NoSetting)]);
+        assert!(notes[0].to_string().contains("the adapter must switch its transmitter by itself"));
+    }
+
+    #[test]
     fn a_latency_that_stays_long_comes_with_the_command_that_shortens_it() {
         let text = Latency::Long(16).to_string();
         assert!(text.contains("16 ms") && text.contains("echo 1 | sudo tee"), "{text}");

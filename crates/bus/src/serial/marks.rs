@@ -98,6 +98,18 @@ mod tests {
     }
 
     #[test]
+    fn a_mark_that_was_begun_can_be_forgotten() {
+        for begun in [&[0xFF][..], &[0xFF, 0x00]] {
+            let mut marks = Marks::default();
+            assert_eq!(marks.look(begun, &mut [0; 4]), (begun.len(), Found::Octets(0)));
+            marks.forget();
+            let mut buffer = [0; 4];
+            assert_eq!(marks.look(&[0x00, 0x55], &mut buffer), (2, Found::Octets(2)));
+            assert_eq!(buffer[..2], [0x00, 0x55]);
+        }
+    }
+
+    #[test]
     fn one_octet_at_a_time_is_the_same() {
         let line = [0xFF, 0xFF, 0xFF, 0x00, 0xE5, 0xE5];
         let pieces: Vec<_> = line.chunks(1).collect();

@@ -3,11 +3,14 @@
 use std::fmt::Write;
 use std::fs::File;
 use std::io::{self, Read};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use dissector::hex::{self, Token};
 use dissector::{Conversation, Dissected, Entry, Item, Profile};
+use sch108bex::specification::Variant;
 
+use crate::gsd::Offer;
 use crate::{Failure, output};
 
 /// As much of the input as is looked at to tell text from octets.
@@ -27,6 +30,9 @@ pub(crate) struct Decode {
     /// Whose parameters, data and diagnoses are read beyond the standard's part
     #[arg(long, value_enum, default_value_t = ProfileName::Auto)]
     profile: ProfileName,
+    /// A GSD of the encoder, for identifier octets of the functionalities other than ours
+    #[arg(long, value_name = "FILE")]
+    gsd: Option<PathBuf>,
     /// What a file or standard input holds; auto looks at its beginning
     #[arg(long, value_enum, default_value_t = Form::Auto, value_name = "FORM")]
     input_form: Form,
@@ -76,6 +82,11 @@ impl Decode {
             ProfileName::Dp => Profile::Dp,
         };
         let mut conversation = Conversation::new(profile);
+        if let Some(gsd) = &self.gsd {
+            // What else does not fit is no matter of telegrams; `run` tells it.
+            let offer = Offer::new(None, Some(gsd), Variant::FULL)?;
+            conversation.set_configurations(offer.configurations);
+        }
         let mut printer =
             Printer { json: self.json, verbose: self.verbose, faults: 0, entries: 0, closed: false };
         match self.input.as_slice() {

@@ -333,6 +333,16 @@ mod tests {
         assert_eq!(split("55 E5 66 10 0B 02 49 56 16").len(), 2, "an E5 within garbage is garbage");
     }
 
+    // The false header's own end comes first; the telegram within goes on behind it.
+    #[test]
+    fn a_telegram_that_outlasts_a_false_header_is_waited_for() {
+        let octets = hex::octets("68 05 05 68 8B 82 6D 3C 10 0B 02 49 56 16").expect("hex");
+        for size in [1, 11, 14] {
+            let told = told(&octets, size);
+            assert!(told.len() == 2 && told[1] == "9: 10 0B 02 49 56 16", "{size}: {told:#?}");
+        }
+    }
+
     #[test]
     fn garbage_without_end_is_counted_and_not_kept() {
         let told = told(&vec![0x55; 1_000_000], 4096);

@@ -96,6 +96,19 @@ fn decode_knows_profiles_and_all_fields() {
     assert!(inputs.contains("position 1193046"), "{inputs}");
 }
 
+// The maker's octets for Scancon 2.0 are not public: who has them gives them.
+#[test]
+fn decode_takes_the_identifiers_of_a_users_gsd() {
+    let directory = tempdir().unwrap();
+    let path = directory.path().join("project.gsd");
+    fs::write(&path, kept("sch108bex-16x15.gsd").replace("0xF1,0xD1,0xD1", "0xE1,0xD5")).unwrap();
+    let arguments = ["decode", "--profile", "encoder", "68 07 07 68 8B 82 7D 3E 3E E1 D5 BC 16"];
+    let own = printed(&[&arguments[..], &["--gsd", path.to_str().unwrap()]].concat());
+    assert!(own.contains("Chk_Cfg: 12 in, 4 out, Scancon 2.0"), "{own}");
+    assert!(!printed(&arguments).contains("Scancon 2.0"));
+    fails(&["decode", "E5", "--gsd", "/no/such.gsd"], 1, &["--gsd /no/such.gsd", "cannot be read"]);
+}
+
 #[test]
 fn decode_prints_a_document_for_each_telegram() {
     let output = printed(&["decode", "--json", "10 0B 02 49 56 16 10 02 0B 00 0D 16"]);

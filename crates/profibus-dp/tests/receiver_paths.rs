@@ -204,3 +204,20 @@ fn a_line_error_spoils_the_telegram_it_falls_into() {
         }
     }
 }
+
+// The line was busy with the damaged character, however long it was idle before.
+#[test]
+fn idle_is_counted_from_a_damaged_character_on() {
+    for (idle, expected) in [(32, false), (34, true)] {
+        let mut receiver = Receiver::new(ReceiverMode::Idle, RATE);
+        let mut now = Instant::from_millis(1);
+        receiver.line_error(now);
+        now += RATE.duration(BitTimes(idle));
+        let mut heard = false;
+        for &octet in STATUS {
+            now += character();
+            heard = receiver.octet(now, octet).is_some();
+        }
+        assert_eq!(heard, expected, "{idle} bit times after it");
+    }
+}

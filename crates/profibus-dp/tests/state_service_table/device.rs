@@ -118,6 +118,11 @@ impl Line {
         Self { slave: DpSlave::new(now, configuration, device), now }
     }
 
+    /// When the last answer began.
+    pub(crate) const fn now(&self) -> Instant {
+        self.now
+    }
+
     /// The answer; no octets for silence.
     pub(crate) fn ask(&mut self, request: &[u8]) -> Vec<u8> {
         self.now += Duration::from_millis(6);

@@ -259,3 +259,19 @@ fn same(what: &str, got: &[u8], due: &[u8], request: &[u8]) -> Result<(), String
     }
     Err(format!("{what} is [{}], due [{}], after {}", hex(got), hex(due), hex(request)))
 }
+
+/// Reference 2.2, the guard: a retry repeats the function too. SRD low under the FCB of an SRD high is new, and
+/// its own retry is not.
+#[test]
+fn a_retry_repeats_the_function() {
+    let mut line = column("DATA_EXCH owner").line();
+    let read = |fc| telegram(SELF, OWNER, fc, Some(0x38), &[]);
+    let inputs = |octets: [u8; 2]| sd2(&[&[0x82, 0x8B, 0x08, 0x3E, 0x38], &octets[..]].concat());
+    line.ask_ok(&read(0x5D), &inputs([0xAA, 0xBB]));
+    line.slave.application_mut().inputs = vec![0xCC, 0xDD];
+    line.ask_ok(&read(0x5D), &inputs([0xAA, 0xBB]));
+    line.ask_ok(&read(0x5C), &inputs([0xCC, 0xDD]));
+    line.slave.application_mut().inputs = vec![0xEE, 0xFF];
+    line.ask_ok(&read(0x5C), &inputs([0xCC, 0xDD]));
+    line.ask_ok(&read(0x5D), &inputs([0xEE, 0xFF]));
+}

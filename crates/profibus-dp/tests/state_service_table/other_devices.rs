@@ -1,6 +1,7 @@
 //! Devices that differ: without Sync and Freeze, without fail-safe, without inputs or outputs.
 
 use profibus_dp::fdl::Station;
+use profibus_dp::time::Duration;
 use profibus_dp::wire::chk_cfg::Lengths;
 
 use crate::device::{Line, TestDevice};
@@ -133,4 +134,40 @@ fn no_answer_is_torn() {
         let fc = if round % 2 == 0 { 0x7D } else { 0x5D };
         line.ask_ok(&telegram(SELF, OWNER, fc, None, &[value]), &sd2(&[OWNER, SELF, 0x08, value, !value]));
     }
+}
+
+/// Reference 4.6, Not_Supported: gone with the next good Set_Prm, and not with a bad one.
+#[test]
+fn not_supported_stays_until_a_good_set_prm() {
+    let device = TestDevice { sync: false, ..TestDevice::of_the_table() };
+    let mut line = Line::new(SELF, device);
+    line.parameterize(&[&[0xA0], &PRM[1..]].concat());
+    line.parameterize(&[&PRM[..4], &[0x12, 0x35], &PRM[6..]].concat());
+    assert_eq!(line.diagnosis(SELF), [0x52, 0x05, 0x00, 0xFF, 0x12, 0x34]);
+    line.parameterize(&PRM);
+    assert_eq!(line.diagnosis(SELF), [0x02, 0x04, 0x00, OWNER, 0x12, 0x34]);
+}
+
+/// A device that offers more octets than its slave was built for (8 and 8 here) gets a Cfg_Fault.
+#[test]
+fn a_configuration_beyond_what_the_slave_was_built_for_is_a_cfg_fault() {
+    for (inputs, outputs) in [(9, 1), (2, 9)] {
+        let lengths = Lengths { inputs, outputs };
+        let mut line = Line::new(SELF, TestDevice { lengths, ..TestDevice::of_the_table() });
+        line.start_up(&PRM);
+        assert_eq!(line.diagnosis(SELF), [0x06, 0x05, 0x00, 0xFF, 0x12, 0x34]);
+    }
+}
+
+/// Reference 5.2: without any telegram, at its deadline (here 200 ms after the Chk_Cfg) and not before.
+#[test]
+fn the_watchdog_expires_at_its_deadline() {
+    let mut line = Line::new(SELF, TestDevice::of_the_table());
+    line.start_up(&[&[0x88, 0x01, 0x14], &PRM[3..]].concat());
+    // Chk_Cfg ended 11 bit times of 2 us before now.
+    let expiry = line.now() + Duration::from_micros(200_000 - 22);
+    line.slave.poll(expiry - Duration::from_nanos(1));
+    assert!(line.slave.slave().state().is_data_exchange());
+    line.slave.poll(expiry);
+    assert!(!line.slave.slave().state().is_data_exchange());
 }

@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod ctl;
 mod datasheet;
 mod decode;
 mod demo;
@@ -47,6 +48,8 @@ enum Command {
     Gsd(gsd::Gsd),
     /// The manual's technical data
     Datasheet(datasheet::Datasheet),
+    /// Steer encoders that run with --control PATH: shaft, world, power, faults, snapshot, events
+    Ctl(ctl::Ctl),
 }
 
 /// Why a command did not do what it was asked to.
@@ -73,6 +76,7 @@ fn main() -> ExitCode {
             datasheet.run();
             Ok(())
         }
+        Some(Command::Ctl(ctl)) => ctl.ctl(),
     };
     match result {
         Ok(()) => ExitCode::SUCCESS,

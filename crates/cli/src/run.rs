@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use bus::{Link, PortAddress, Settings, open_for_slaves};
 use clap::Args;
+use plant::control::{Server, Subscriptions};
 use plant::{EncoderSetup, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World};
 use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::BitTimes;
@@ -97,6 +98,9 @@ pub(crate) struct Run {
     /// The termination switches; the bus is the master, then the encoders in their order
     #[arg(long, default_value = "auto")]
     termination: TerminationState,
+    /// Take requests on a Unix socket at this path: see `sch108bex ctl` and docs/control.md
+    #[arg(long, value_name = "PATH")]
+    control: Option<PathBuf>,
     /// A reply that would start later than this is not sent
     #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
@@ -121,7 +125,8 @@ impl Run {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         self.check_port()?;
         let (to_main, wakes) = mpsc::channel();
-        let reports = forward_reports(&to_main);
+        let subscriptions = Subscriptions::new();
+        let reports = forward_reports(&to_main, subscriptions.clone());
         let offer = Offer::new(self.ident, self.gsd.as_deref(), self.bits)?;
         let encoders = self.encoders(&offer, &reports)?;
         let notes: Vec<String> = encoders.iter().flat_map(|(_, notes)| notes.clone()).collect();
@@ -151,10 +156,30 @@ impl Run {
             output::line(&note);
         }
         plant.start_shafts().map_err(failed)?;
+        let control = self.serve_control(&plant, subscriptions, &to_main)?;
         output::line("ready");
         drop(to_main);
         tell_until_end(&wakes);
+        drop(control);
         plant.stop().map_err(failed)
+    }
+
+    /// The control socket, where one is asked for.
+    fn serve_control(
+        &self,
+        plant: &Plant,
+        subscriptions: Subscriptions,
+        to_main: &Sender<Wake>,
+    ) -> Result<Option<Server>, Failure> {
+        let Some(path) = &self.control else {
+            return Ok(None);
+        };
+        let to_main = to_main.clone();
+        let end = move || {
+            let _ = to_main.send(Wake::End);
+        };
+        let server = Server::start(path, plant.handle(), subscriptions, end);
+        server.map(Some).map_err(|error| Failure::Failed(format!("--control: {error}")))
     }
 
     /// What does not go together with this --port.
@@ -300,11 +325,12 @@ fn note_on_address(name: &str, identity: &Identity, stored: &Choice, world: Worl
 }
 
 /// Reports come to the main thread by the same way as the signals.
-fn forward_reports(to_main: &Sender<Wake>) -> Sender<Report> {
+fn forward_reports(to_main: &Sender<Wake>, subscriptions: Subscriptions) -> Sender<Report> {
     let (reports, from) = mpsc::channel();
     let to_main = to_main.clone();
     std::thread::spawn(move || {
         for report in from {
+            subscriptions.publish(&report);
             if to_main.send(Wake::Report(report)).is_err() {
                 return;
             }

@@ -1,21 +1,25 @@
 //! One encoder in its world, as a station for any segment.
 
+mod injected;
+
 use bus::RateListener;
-use profibus_dp::dp::State;
 use profibus_dp::fdl::{BaudSetting, ReceiverMode, Station, Window};
 use profibus_dp::time::{Baudrate, Instant};
 use profibus_dp::wire::Telegram;
 use profibus_dp::wire::telegram::MAX_OCTETS;
 use sch108bex::configuration::Configurations;
-use sch108bex::diagnostics::{Alarms, Warnings};
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
-use sch108bex::functionality::Functionality;
-use sch108bex::health::OperatingTime;
+use sch108bex::event::PositionErrorCause;
+use sch108bex::health::Battery;
+use sch108bex::nonvolatile::Choice;
 use sch108bex::sensor::ShaftReading;
 use sch108bex::{Device, Identity, PowerOn};
 
+pub use injected::{EncoderCounters, Injected, PresetError};
+
 use crate::report::{Reporter, What};
 use crate::shaft::Shaft;
+use crate::snapshot::{DeviceSnapshot, Snapshot};
 use crate::store::{Store, StoreError};
 use crate::world::World;
 
@@ -67,53 +71,9 @@ pub struct EncoderStation {
     device: Option<Box<Device<Reporter>>>,
     /// The rate that the segment's end has told.
     told_rate: Option<Baudrate>,
+    injected: Injected,
+    counters: EncoderCounters,
     reply: [u8; MAX_OCTETS],
-}
-
-/// An encoder at one moment.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Snapshot {
-    /// Its name.
-    pub name: String,
-    /// The moment, on the clock of its segment.
-    pub at: Instant,
-    /// Where its switches are.
-    pub switches: RotarySwitches,
-    /// What is around it.
-    pub world: World,
-    /// What turns it.
-    pub shaft: Shaft,
-    /// What the device says of itself; `None` without power.
-    pub device: Option<DeviceSnapshot>,
-}
-
-/// A device under power at one moment.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct DeviceSnapshot {
-    /// The station address it answers to.
-    pub address: Option<u8>,
-    /// The rate it listens at.
-    pub baudrate: Baudrate,
-    /// Where the DP state machine stands.
-    pub state: State,
-    /// What was agreed on; `None` outside data exchange.
-    pub functionality: Option<Functionality>,
-    /// In scaled steps, as the input image has it.
-    pub position: u32,
-    /// In the unit of the time base.
-    pub velocity: i32,
-    /// In the unit of the time base.
-    pub acceleration: i32,
-    /// In physical counts, turns included.
-    pub physical_position: i64,
-    /// In scaled steps.
-    pub offset: i32,
-    /// The alarms that are set.
-    pub alarms: Alarms,
-    /// The warnings that are set.
-    pub warnings: Warnings,
-    /// Time under power.
-    pub operating_time: OperatingTime,
 }
 
 impl EncoderStation {
@@ -123,8 +83,19 @@ impl EncoderStation {
     ///
     /// The store cannot be read.
     pub fn new(now: Instant, setup: EncoderSetup) -> Result<Self, StoreError> {
-        let mut station = Self { setup, device: None, told_rate: None, reply: [0; MAX_OCTETS] };
-        station.set_power(now)?;
+        let mut station = Self {
+            setup,
+            device: None,
+            told_rate: None,
+            injected: Injected::default(),
+            counters: EncoderCounters::default(),
+            reply: [0; MAX_OCTETS],
+        };
+        if station.setup.world.is_powered() {
+            // Damage that a user does not know of yet is told before anything is written over it.
+            let stored = station.setup.store.load()?;
+            station.power_on(now, stored);
+        }
         Ok(station)
     }
 
@@ -136,6 +107,11 @@ impl EncoderStation {
     /// The device, while it has power.
     pub fn device(&self) -> Option<&Device<Reporter>> {
         self.device.as_deref()
+    }
+
+    /// What is around it.
+    pub fn world(&self) -> World {
+        self.setup.world
     }
 
     /// Another movement of the shaft, from `now` on.
@@ -193,37 +169,29 @@ impl EncoderStation {
     /// What it is like at `now`.
     pub fn snapshot(&mut self, now: Instant) -> Snapshot {
         self.latch(now);
-        let device = self.device.as_deref().map(|device| {
-            let sensor = device.sensor();
-            let health = sensor.health();
-            DeviceSnapshot {
-                address: device.address(),
-                baudrate: device.listening_rate(),
-                state: *device.bus().slave().state(),
-                functionality: device.encoder().functionality(),
-                position: sensor.position(),
-                velocity: sensor.velocity(),
-                acceleration: sensor.acceleration(),
-                physical_position: sensor.physical_position(),
-                offset: health.offset,
-                alarms: health.alarms,
-                warnings: health.warnings,
-                operating_time: health.operating_time,
-            }
-        });
+        let identity = self.setup.identity;
         Snapshot {
             name: self.name().to_owned(),
             at: now,
-            switches: self.setup.identity.switches,
+            identity,
+            switches: identity.switches,
             world: self.setup.world,
             shaft: self.setup.shaft,
-            device,
+            shaft_position: self.setup.shaft.at(now, identity.variant),
+            injected: self.injected,
+            counters: self.counters,
+            device: self.device().map(DeviceSnapshot::of),
         }
     }
 
     fn set_power(&mut self, now: Instant) -> Result<(), StoreError> {
-        match (self.setup.world.is_powered(), self.device.is_some()) {
-            (true, false) => self.power_on(now),
+        let powered = self.setup.world.is_powered() && !self.injected.switched_off;
+        match (powered, self.device.is_some()) {
+            (true, false) => {
+                let stored = self.load()?;
+                self.power_on(now, stored);
+                Ok(())
+            }
             (false, true) => {
                 self.power_off(now);
                 Ok(())
@@ -232,8 +200,19 @@ impl EncoderStation {
         }
     }
 
-    fn power_on(&mut self, now: Instant) -> Result<(), StoreError> {
-        let stored = self.setup.store.load()?;
+    /// What the memory holds at a later power-on: there the damage is the encoder's to deal with.
+    fn load(&mut self) -> Result<Choice, StoreError> {
+        if std::mem::take(&mut self.injected.memory_lost_at_power_on) {
+            self.setup.store.damage([true; 2])?;
+        }
+        match self.setup.store.load() {
+            Err(StoreError::Damaged { a, b, .. }) => Ok(Choice::Lost { a, b }),
+            other => other,
+        }
+    }
+
+    fn power_on(&mut self, now: Instant, stored: Choice) {
+        let turns_lost = std::mem::take(&mut self.injected.turns_lost_at_power_on);
         let EncoderSetup { identity, configurations, rate, world, reporter, .. } = &self.setup;
         let baud = match *rate {
             Rate::Fixed(rate) => BaudSetting::Fixed(rate),
@@ -243,7 +222,7 @@ impl EncoderStation {
         let power_on = PowerOn {
             identity: *identity,
             stored,
-            battery: world.0.battery,
+            battery: if turns_lost { Battery::Empty } else { world.0.battery },
             baud,
             receiver: ReceiverMode::Idle,
         };
@@ -251,10 +230,13 @@ impl EncoderStation {
         let mut device = Box::new(device);
         reporter.tell(now, What::PowerOn(device.address()));
         device.measure(now, &world.0);
+        if self.injected.sensor_fault {
+            device.position_error(now, PositionErrorCause::SensorFault);
+        }
         self.device = Some(device);
+        self.counters.power_ons += 1;
         self.latch(now);
         self.keep(now);
-        Ok(())
     }
 
     fn power_off(&mut self, now: Instant) {
@@ -270,8 +252,12 @@ impl EncoderStation {
             return;
         };
         while let Some(latch) = device.latch_needed(now) {
-            let counts = self.setup.shaft.at(latch, self.setup.identity.variant);
-            device.sample(latch, ShaftReading::Full(counts));
+            let reading = if self.injected.sensor_fault {
+                ShaftReading::Fault
+            } else {
+                ShaftReading::Full(self.setup.shaft.at(latch, self.setup.identity.variant))
+            };
+            device.sample(latch, reading);
         }
     }
 
@@ -282,9 +268,20 @@ impl EncoderStation {
             return;
         };
         if let Some(record) = device.take_nonvolatile(now) {
-            match self.setup.store.write(&record) {
-                Ok(()) => device.confirm_nonvolatile(),
+            let written = if self.injected.writes_fail {
+                Err(std::io::Error::other(
+                    "the memory refuses to be written, as asked over the control socket",
+                ))
+            } else {
+                self.setup.store.write(&record)
+            };
+            match written {
+                Ok(()) => {
+                    self.counters.memory_writes += 1;
+                    device.confirm_nonvolatile();
+                }
                 Err(error) => {
+                    self.counters.memory_writes_failed += 1;
                     device.nonvolatile_failed(now);
                     self.setup.reporter.tell(now, What::NotStored(error.to_string().into()));
                 }
@@ -301,11 +298,13 @@ impl Station for EncoderStation {
 
     #[inline]
     fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
+        self.counters.telegrams += 1;
         self.latch(now);
         self.device.as_mut()?.indicate(now, telegram)
     }
 
     fn line_error(&mut self, now: Instant) {
+        self.counters.line_errors += 1;
         self.latch(now);
         if let Some(device) = &mut self.device {
             device.line_error(now);
@@ -315,6 +314,7 @@ impl Station for EncoderStation {
     #[inline]
     fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
         let reply = self.device.as_mut()?.transmit(now)?;
+        self.counters.replies += 1;
         let length = reply.len();
         self.reply.get_mut(..length)?.copy_from_slice(reply);
         // A new address, and an offset unless another was stored within the last second, is in the

@@ -2,22 +2,29 @@
 //!
 //! - [`Plant`] runs segments on threads of their own, and is the handle by which everybody else
 //!   reaches them: commands in, [`Snapshot`]s and [`Report`]s out.
+//! - [`control`] has the requests by which others steer a running plant, as values and as lines of
+//!   JSON, and the socket that takes them.
 //! - [`EncoderStation`] is one encoder in its world: the device of the crate `sch108bex`, a
 //!   [`Shaft`] that turns it, a [`World`] around it and a [`Store`] that keeps its memory. It is a
 //!   station for any segment, in real or virtual time.
 
 #![forbid(unsafe_code)]
 
+pub mod control;
 pub mod encoder;
+pub mod handle;
 pub mod plant;
 pub mod report;
 pub mod shaft;
+pub mod snapshot;
 pub mod store;
 pub mod world;
 
-pub use encoder::{EncoderSetup, EncoderStation, Rate, Snapshot};
+pub use encoder::{EncoderSetup, EncoderStation, Rate};
+pub use handle::Handle;
 pub use plant::{Plant, PlantError, SegmentSetup};
 pub use report::{Report, Reporter, What};
 pub use shaft::{Shaft, ShaftError};
+pub use snapshot::{DeviceSnapshot, PlantSnapshot, Snapshot};
 pub use store::{Store, StoreError};
 pub use world::World;

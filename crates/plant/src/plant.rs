@@ -5,13 +5,15 @@ use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
 use bus::termination::{self, Tap};
-use bus::{Control, End, EndError, Handler, News, Segment, Settings, WallClock};
+use bus::{End, EndError, Handler, News, Segment, Settings, WallClock};
 
 use profibus_dp::time::Instant;
 
-use crate::encoder::{EncoderSetup, EncoderStation, Snapshot};
+use crate::encoder::{EncoderSetup, EncoderStation};
+use crate::handle::{Handle, Known, Place};
 use crate::report::{Report, Reporter, What};
 use crate::shaft::Shaft;
+use crate::snapshot::Snapshot;
 use crate::store::StoreError;
 use crate::world::World;
 
@@ -50,13 +52,17 @@ pub enum PlantError {
 }
 
 /// What a segment's thread is asked to do; encoders count from 0 in it.
-enum Command {
+pub(crate) enum Command {
     StartShafts,
     Shaft(usize, Shaft),
     World(usize, World),
     PowerCycle(usize),
     Snapshots(Sender<Vec<Snapshot>>),
+    With(Work),
 }
+
+/// Something to do on a segment's thread.
+pub(crate) type Work = Box<dyn FnOnce(&mut Segment<EncoderStation>) + Send>;
 
 /// Segments that run, each on a thread of its own. Dropping it ends them in order.
 #[derive(Debug, Default)]
@@ -66,11 +72,9 @@ pub struct Plant {
 
 #[derive(Debug)]
 struct Running {
-    name: String,
-    port: String,
+    place: Place,
     /// The number of its first encoder in the plant, and how many it has.
     encoders: std::ops::Range<usize>,
-    control: Control<Command>,
     thread: Option<JoinHandle<Result<(), EndError>>>,
 }
 
@@ -92,6 +96,11 @@ impl Plant {
         let count = encoders.len();
         let mut segment = Segment::new(end, WallClock::new(), settings);
         let taps: Vec<_> = encoders.iter().map(Terminated::of).collect();
+        let known = encoders.iter().map(|encoder| Known {
+            name: encoder.reporter.who().to_owned(),
+            variant: encoder.identity.variant,
+        });
+        let known: Vec<_> = known.collect();
         for encoder in encoders {
             let now = segment.now();
             segment.add(EncoderStation::new(now, encoder)?);
@@ -115,13 +124,19 @@ impl Plant {
             })
             .map_err(|error| PlantError::Thread(name.clone(), error))?;
         let encoders = first..first + count;
-        self.segments.push(Running { name, port, encoders, control, thread: Some(thread) });
+        let place = Place { name, port, encoders: known, control };
+        self.segments.push(Running { place, encoders, thread: Some(thread) });
         Ok(())
+    }
+
+    /// A hand for other threads on the segments that there are now.
+    pub fn handle(&self) -> Handle {
+        Handle::new(self.segments.iter().map(|segment| segment.place.clone()))
     }
 
     /// What a user opens to get to each segment.
     pub fn ports(&self) -> impl Iterator<Item = &str> {
-        self.segments.iter().map(|segment| segment.port.as_str())
+        self.segments.iter().map(|segment| segment.place.port.as_str())
     }
 
     /// Lets the shafts begin to move.
@@ -175,7 +190,7 @@ impl Plant {
         for segment in &self.segments {
             let (to, from) = mpsc::channel();
             segment.ask(Command::Snapshots(to))?;
-            all.extend(from.recv().map_err(|_| PlantError::Ended(segment.name.clone()))?);
+            all.extend(from.recv().map_err(|_| PlantError::Ended(segment.place.name.clone()))?);
         }
         Ok(all)
     }
@@ -222,11 +237,11 @@ fn tell_termination(segment: &str, encoders: &[Terminated], reports: &Sender<Rep
 
 impl Running {
     fn ask(&self, command: Command) -> Result<(), PlantError> {
-        self.control.send(command).map_err(|_| PlantError::Ended(self.name.clone()))
+        self.place.control.send(command).map_err(|_| PlantError::Ended(self.place.name.clone()))
     }
 
     fn end(&mut self) -> Result<(), PlantError> {
-        self.control.stop();
+        self.place.control.stop();
         match self.thread.take().map(JoinHandle::join) {
             None => Ok(()),
             Some(Ok(result)) => Ok(result?),
@@ -237,7 +252,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        self.control.stop();
+        self.place.control.stop();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }
@@ -254,6 +269,10 @@ impl Handler<EncoderStation> for Operator {
     type Command = Command;
 
     fn command(&mut self, segment: &mut Segment<EncoderStation>, command: Command) -> ControlFlow<()> {
+        if let Command::With(work) = command {
+            work(segment);
+            return ControlFlow::Continue(());
+        }
         let now = segment.now();
         let stations = segment.stations_mut();
         let result = match command {
@@ -269,6 +288,7 @@ impl Handler<EncoderStation> for Operator {
             }
             Command::World(at, world) => stations[at].set_world(now, world),
             Command::PowerCycle(at) => stations[at].power_cycle(now),
+            Command::With(_) => Ok(()),
             Command::Snapshots(to) => {
                 let _ = to.send(stations.iter_mut().map(|station| station.snapshot(now)).collect());
                 Ok(())

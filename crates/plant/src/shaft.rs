@@ -86,6 +86,12 @@ impl Shaft {
         Self { since: now, ..self }
     }
 
+    /// The same movement, from another position.
+    #[must_use]
+    pub const fn from(self, raw: i64) -> Self {
+        Self { origin: raw, ..self }
+    }
+
     /// Refuses a position that the encoder has not.
     ///
     /// # Errors

@@ -9,6 +9,8 @@ use sch108bex::NonvolatileWrite;
 use sch108bex::nonvolatile::{self, Choice, Record, SLOT_OCTETS, Slot, SlotFault};
 use sch108bex::specification::Variant;
 
+use crate::encoder::PresetError;
+
 /// Octets of a state file: slot A, then slot B.
 const FILE_OCTETS: usize = 2 * SLOT_OCTETS;
 
@@ -163,6 +165,52 @@ impl Store {
                 file.write_all_at(&record.octets, offset)
             }
         }
+    }
+
+    /// Damages what slot A and slot B hold, where asked to.
+    ///
+    /// # Errors
+    ///
+    /// The system refuses the file.
+    pub fn damage(&mut self, slots: [bool; 2]) -> Result<(), StoreError> {
+        for (slot, damaged) in [Slot::A, Slot::B].into_iter().zip(slots) {
+            if damaged {
+                // No record begins so.
+                self.write(&NonvolatileWrite { slot, octets: [0xA5; SLOT_OCTETS] })
+                    .map_err(|source| self.io_error("damage", source))?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Changes the record in force, or that of delivery, and writes it as the next one.
+    pub(crate) fn rewrite(
+        &mut self,
+        variant: Variant,
+        change: impl FnOnce(&mut Record),
+    ) -> Result<(), PresetError> {
+        let (mut record, mut sequence, mut slot, writes) = match self.load() {
+            Ok(Choice::Use { record, sequence, slot, .. }) => (record, sequence, slot, 1),
+            // The very first record goes to both slots.
+            Ok(Choice::AsDelivered) => (Record::as_delivered(variant), 0, Slot::B, 2),
+            Ok(Choice::Lost { .. }) | Err(StoreError::Damaged { .. }) => return Err(PresetError::Damaged),
+            Err(error) => return Err(error.into()),
+        };
+        change(&mut record);
+        for _ in 0..writes {
+            (sequence, slot) = (sequence.wrapping_add(1), slot.other());
+            let octets = record.encode(sequence);
+            self.write(&NonvolatileWrite { slot, octets }).map_err(PresetError::Write)?;
+        }
+        Ok(())
+    }
+
+    fn io_error(&self, step: &'static str, source: io::Error) -> StoreError {
+        let path = match self {
+            Self::Memory(_) => PathBuf::new(),
+            Self::File { path, .. } => path.clone(),
+        };
+        StoreError::Io { step, path, source }
     }
 
     /// Waits until everything is on the disk.

@@ -6,6 +6,7 @@
 mod bad_octets;
 mod command_line;
 mod contract;
+mod ctl;
 mod damaged_state;
 mod demo;
 mod driver;

@@ -1,0 +1,29 @@
+//! How others steer a running plant: requests and events, as values and as lines of JSON.
+//!
+//! - [`Request`] is what can be asked for, [`Envelope::parse`] reads it from a line, and
+//!   [`Handle::apply`](crate::Handle::apply) does it.
+//! - [`Reply`] is what came of it.
+//! - [`Subscriptions`] carry what happens to whoever wants to know; [`EventLine`] is a line of it.
+//! - [`Server`] takes requests on a Unix socket.
+
+mod apply;
+mod check;
+mod commands;
+mod envelope;
+mod event;
+mod request;
+mod server;
+mod subscriptions;
+mod target;
+mod values;
+
+pub use apply::Applied;
+pub use check::ControlError;
+pub use commands::{COMMANDS, CommandHelp};
+pub use envelope::{Envelope, RefusedLine, Reply};
+pub use event::EventLine;
+pub use request::Request;
+pub use server::{MOST_CONNECTIONS, MOST_OCTETS, Server};
+pub use subscriptions::{Item, Subscription, Subscriptions};
+pub use target::Which;
+pub use values::{BatteryState, Light, MemoryFault, Power, SensorFault, ShaftFields, ShaftKind, ShaftSpec};

@@ -1,0 +1,138 @@
+//! The values that requests have.
+
+use serde::{Deserialize, Serialize};
+
+use crate::shaft::{Shaft, ShaftError};
+
+/// The movement of a shaft.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(
+    untagged,
+    expecting = "a shaft is a text like \"still@1000\" or \"constant:60@here\", or fields like {\"kind\":\"constant\",\"rpm\":60,\"raw\":1000}"
+)]
+pub enum ShaftSpec {
+    /// As `run --shaft` has it; `@here` goes on from where the shaft is.
+    Text(String),
+    /// In fields.
+    Fields(ShaftFields),
+}
+
+/// The movement of a shaft in fields.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ShaftFields {
+    /// Which.
+    pub kind: ShaftKind,
+    /// Revolutions per minute, positive clockwise; only with `constant`.
+    pub rpm: Option<f64>,
+    /// The position in physical counts at which it begins; left out: where it is.
+    pub raw: Option<i64>,
+}
+
+/// The kinds of movement.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum ShaftKind {
+    /// It stands still.
+    Still,
+    /// It turns at constant speed.
+    Constant,
+}
+
+/// The light of the LED.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Light {
+    /// Within its limits.
+    Ok,
+    /// Its reserve is used up: a warning.
+    Low,
+}
+
+/// The battery.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum BatteryState {
+    /// Above its limit.
+    Ok,
+    /// Below its limit: a warning.
+    Low,
+    /// Keeps nothing: the turn count is lost with the power.
+    Empty,
+}
+
+/// What happens to the power.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Power {
+    /// Cut, until it is switched on.
+    Off,
+    /// Given back, if the supply suffices.
+    On,
+    /// Cut, and given back at once.
+    Cycle,
+}
+
+/// What is wrong with the sensor or the position (manual 4.2.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum SensorFault {
+    /// The sensor reports a fault once.
+    Once,
+    /// The sensor reports a fault until `off`, also at power-on; the position stands still.
+    Held,
+    /// The position is wrong for a reason that nobody knows.
+    PositionError,
+    /// The next power-on finds the turn count lost, as with an empty battery.
+    TurnsLost,
+    /// Nothing any more. The alarm stays until the next power-on.
+    Off,
+}
+
+/// What is wrong with the non-volatile memory.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum MemoryFault {
+    /// Writes fail, until `off`.
+    WritesFail,
+    /// Slot A is damaged now.
+    DamageA,
+    /// Slot B is damaged now.
+    DamageB,
+    /// The next power-on finds both slots damaged.
+    LostAtPowerOn,
+    /// Writes succeed again, and the next power-on finds what was written.
+    Off,
+}
+
+impl ShaftSpec {
+    /// The movement, and whether it begins where the shaft is.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be read.
+    pub fn resolve(&self) -> Result<(Shaft, bool), ShaftError> {
+        match self {
+            Self::Text(text) => match text.strip_suffix("@here") {
+                // A position of its own and this one too: neither is meant.
+                Some(kind) if kind.contains('@') => Err(ShaftError::Form(text.clone())),
+                Some(kind) => Ok((kind.parse()?, true)),
+                None => Ok((text.parse()?, false)),
+            },
+            Self::Fields(ShaftFields { kind, rpm, raw }) => {
+                let from = raw.unwrap_or(0);
+                let shaft = match (kind, rpm) {
+                    (ShaftKind::Still, None) => Shaft::still(from),
+                    (ShaftKind::Constant, Some(rpm)) => format!("constant:{rpm}@{from}").parse()?,
+                    (ShaftKind::Still, Some(rpm)) => {
+                        return Err(ShaftError::Form(format!("still at {rpm} RPM")));
+                    }
+                    (ShaftKind::Constant, None) => {
+                        return Err(ShaftError::Form("constant without rpm".to_owned()));
+                    }
+                };
+                Ok((shaft, raw.is_none()))
+            }
+        }
+    }
+}

@@ -1,0 +1,132 @@
+//! The hand by which any thread reaches a running plant.
+
+use std::sync::{Arc, mpsc};
+
+use bus::{Control, Segment};
+use profibus_dp::time::Instant;
+use sch108bex::specification::Variant;
+
+use crate::encoder::EncoderStation;
+use crate::plant::{Command, PlantError};
+use crate::snapshot::{PlantSnapshot, SegmentSnapshot};
+
+/// A hand on the segments that a plant had when it was given out. Cheap to clone; commands given
+/// after the plant has ended are refused.
+#[derive(Debug, Clone)]
+pub struct Handle {
+    places: Arc<[Place]>,
+}
+
+/// A segment as a handle knows it.
+#[derive(Debug, Clone)]
+pub(crate) struct Place {
+    pub(crate) name: String,
+    pub(crate) port: String,
+    pub(crate) encoders: Vec<Known>,
+    pub(crate) control: Control<Command>,
+}
+
+/// What does not change of an encoder.
+#[derive(Debug, Clone)]
+pub(crate) struct Known {
+    pub(crate) name: String,
+    pub(crate) variant: Variant,
+}
+
+/// An encoder that was found: its segment, and where it is there.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Found<'a> {
+    pub(crate) place: &'a Place,
+    pub(crate) at: usize,
+    pub(crate) variant: Variant,
+}
+
+impl Handle {
+    pub(crate) fn new(places: impl Iterator<Item = Place>) -> Self {
+        Self { places: places.collect() }
+    }
+
+    pub(crate) fn places(&self) -> &[Place] {
+        &self.places
+    }
+
+    /// The names of all encoders, in the order they were added.
+    pub fn encoder_names(&self) -> impl Iterator<Item = &str> {
+        self.places.iter().flat_map(|place| &place.encoders).map(|encoder| encoder.name.as_str())
+    }
+
+    /// The encoder with this number, counted from 0 over all segments.
+    pub(crate) fn encoder(&self, number: usize) -> Option<Found<'_>> {
+        let mut all = self.places.iter().flat_map(|place| {
+            let numbered = place.encoders.iter().enumerate();
+            numbered.map(move |(at, encoder)| Found { place, at, variant: encoder.variant })
+        });
+        all.nth(number)
+    }
+
+    /// Everything as it is now.
+    ///
+    /// # Errors
+    ///
+    /// A segment has ended.
+    pub fn snapshot(&self) -> Result<PlantSnapshot, PlantError> {
+        let mut all = PlantSnapshot { segments: Vec::new(), encoders: Vec::new() };
+        for place in self.places() {
+            let Place { name, port, .. } = place.clone();
+            let (segment, encoders) = place.ask(move |segment| {
+                let now = segment.now();
+                let seen = segment_snapshot(name, port, segment);
+                let stations = segment.stations_mut().iter_mut();
+                (seen, stations.map(|station| station.snapshot(now)).collect::<Vec<_>>())
+            })?;
+            all.segments.push(segment);
+            all.encoders.extend(encoders);
+        }
+        Ok(all)
+    }
+}
+
+fn segment_snapshot(name: String, port: String, segment: &Segment<EncoderStation>) -> SegmentSnapshot {
+    let faults = segment.faults();
+    SegmentSnapshot {
+        name,
+        port,
+        at: segment.now(),
+        rate: segment.rate(),
+        counters: segment.counters(),
+        noise: faults.noise(),
+        waiting: faults.waiting(),
+        faults: faults.counters(),
+    }
+}
+
+impl Place {
+    /// Does something on the segment's thread, and waits until it is done.
+    pub(crate) fn ask<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut Segment<EncoderStation>) -> R + Send + 'static,
+    ) -> Result<R, PlantError> {
+        let ended = || PlantError::Ended(self.name.clone());
+        let (to, done) = mpsc::channel();
+        let work = move |segment: &mut Segment<EncoderStation>| {
+            // Whoever has asked is gone: all the same.
+            let _ = to.send(work(segment));
+        };
+        self.control.send(Command::With(Box::new(work))).map_err(|_| ended())?;
+        done.recv().map_err(|_| ended())
+    }
+}
+
+impl Found<'_> {
+    /// Does something with the encoder, and waits until it is done.
+    pub(crate) fn ask<R: Send + 'static>(
+        &self,
+        work: impl FnOnce(&mut EncoderStation, Instant) -> R + Send + 'static,
+    ) -> Result<R, PlantError> {
+        let at = self.at;
+        self.place.ask(move |segment| {
+            let now = segment.now();
+            work(&mut segment.stations_mut()[at], now)
+        })
+    }
+}

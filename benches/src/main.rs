@@ -2,6 +2,7 @@
 //!
 //! A work with rounds is run under valgrind, which counts; the others print one number.
 
+mod demo_cycle;
 mod device;
 mod echo;
 mod over_limit;
@@ -19,6 +20,10 @@ fn main() -> ExitCode {
         ["echo"] => echo::serve().map(|()| String::new()),
         ["over-limit"] => over_limit::ratio().map(|ratio| format!("{ratio:.3}\n")),
         ["round-trip"] => processes::round_trip_ratio().map(|ratio| format!("{ratio:.3}\n")),
+        ["demo-cycle"] => demo_cycle::measure().map(|cycle| format!("{:.3}\n", cycle.ours)),
+        ["demo-cycle-ratio"] => {
+            demo_cycle::measure().map(|cycle| format!("{:.3}\n", cycle.ours / cycle.theirs))
+        }
         ["start"] => processes::start_to_ready().map(|ms| format!("{ms:.2}\n")),
         ["ram"] => Ok(format!("{}\n", device::ram())),
         [work, rounds] => rounds

@@ -11,6 +11,7 @@ mod datasheet;
 mod decode;
 mod demo;
 mod gsd;
+mod master;
 mod output;
 mod run;
 mod scaling;
@@ -40,6 +41,8 @@ enum Command {
     Demo(demo::Options),
     /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP, a Unix socket or a serial device
     Run(Box<run::Run>),
+    /// Be a master: find stations, ask them, give them an address, exchange data with one
+    Master(Box<master::Master>),
     /// Telegrams in words: from arguments, a file or standard input
     Decode(decode::Decode),
     /// What measuring units and a range mean: words, octets, the jump at the overflow
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         None => demo::demo(&cli.demo),
         Some(Command::Demo(options)) => demo::demo(&options),
         Some(Command::Run(run)) => run.run(),
+        Some(Command::Master(master)) => master.run(),
         Some(Command::Decode(decode)) => decode.run(),
         Some(Command::Scaling(scaling)) => scaling.run(),
         Some(Command::Gsd(gsd)) => gsd.run(),

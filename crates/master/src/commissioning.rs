@@ -163,6 +163,8 @@ impl<'a, B: Bus> Commissioner<'a, B> {
         // Nobody but itself and lower addresses is asked whether he wants the token.
         fdl.slot_bits(slot)
             .highest_station_address(master.address + 1)
+            // Long enough for whole cycles with a slot time as long as this.
+            .token_rotation_bits(u32::from(slot).saturating_mul(20).clamp(32_436, 16_777_960))
             .gap_wait_rotations(100)
             .max_retry_limit(master.retries);
         if slave.parameters.min_tsdr != 0 {

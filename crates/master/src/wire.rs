@@ -17,12 +17,13 @@ pub struct Wire {
     slot: Duration,
     /// Octets are given to the end and may be on their way still; a serial port takes this long for each.
     octet: Duration,
+    gone: bool,
 }
 
 impl Wire {
     /// A line that waits [`USUAL_SLOT`] for a reply.
     pub fn new(end: Box<dyn End>) -> Self {
-        Self { end, clock: WallClock::new(), slot: USUAL_SLOT, octet: Duration::ZERO }
+        Self { end, clock: WallClock::new(), slot: USUAL_SLOT, octet: Duration::ZERO, gone: false }
     }
 
     /// Waits so long for a reply, and for the rest of one that has begun.
@@ -49,13 +50,47 @@ impl Wire {
         self.end
     }
 
+    /// Waits until somebody is at the far side, which may be later where a socket listens; whether he came.
+    ///
+    /// # Errors
+    ///
+    /// The end is broken.
+    pub fn await_peer(&mut self, patience: Duration) -> Result<bool, EndError> {
+        let until = self.clock.now() + patience;
+        let mut buffer = [0; 256];
+        loop {
+            let left = until.since(self.clock.now());
+            if let Event::Came(_) = self.end.wait(Some(left), &mut buffer)? {
+                return Ok(true);
+            }
+            if left == Duration::ZERO {
+                return Ok(false);
+            }
+        }
+    }
+
+    /// Whether the far side has closed the line.
+    pub fn is_gone(&self) -> bool {
+        self.gone
+    }
+
+    fn note(&mut self, event: Event) {
+        match event {
+            Event::Left => self.gone = true,
+            Event::Came(_) => self.gone = false,
+            _ => {}
+        }
+    }
+
     /// Drops what has come without being asked for.
     fn clear(&mut self, buffer: &mut ReplyBuffer) -> Result<(), EndError> {
         // Whoever never stops sending does not stop this for ever.
         for _ in 0..1024 {
-            if self.end.wait(Some(Duration::ZERO), buffer)? == Event::TimedOut {
+            let event = self.end.wait(Some(Duration::ZERO), buffer)?;
+            if event == Event::TimedOut {
                 break;
             }
+            self.note(event);
         }
         Ok(())
     }
@@ -86,8 +121,13 @@ impl Line for Wire {
             };
             match self.end.wait(Some(left), room)? {
                 Event::Octets(count) => length += count,
-                Event::Left => length = 0,
-                _ => continue,
+                event => {
+                    self.note(event);
+                    if event == Event::Left {
+                        length = 0;
+                    }
+                    continue;
+                }
             }
             let now = self.clock.now();
             match telegram::parse(&reply[..length]) {
@@ -114,7 +154,8 @@ impl Line for Wire {
                 return Ok(());
             }
             // What comes meanwhile is for nobody.
-            self.end.wait(Some(left), &mut buffer)?;
+            let event = self.end.wait(Some(left), &mut buffer)?;
+            self.note(event);
         }
     }
 }

@@ -5,6 +5,7 @@
 
 mod bad_octets;
 mod command_line;
+mod commissioning;
 mod contract;
 mod ctl;
 mod damaged_state;

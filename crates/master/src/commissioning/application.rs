@@ -111,7 +111,6 @@ impl FdlApplication for Application<'_> {
         high_prio_only: bool,
     ) -> Option<TelegramTxResponse> {
         if let Some(asked) = &self.asked
-            && !high_prio_only
             && (self.attempts > 0 || self.may_ask(asked))
         {
             self.attempts += 1;

@@ -50,7 +50,7 @@ fn a_new_encoder_is_found_gets_an_address_and_is_read() {
     let mut encoder = run(["--shaft", SHAFT]);
     let bus = bus(&mut encoder);
     // A live list waits for 126 addresses.
-    let quick = ["--reply-within", "10"];
+    let quick = ["--reply-within", "40"];
     let mut list = program();
     let found = end_of(list.args(["master", "--port", &bus]).args(quick).arg("live-list"));
     assert_eq!((found.status, found.output.trim()), (Some(0), "126  slave"), "{}", found.errors);
@@ -134,7 +134,7 @@ fn the_only_station_needs_no_address_and_several_are_listed() {
     let mut encoders = run(["--switches", "05", "--encoder", "switches=07"]);
     let bus = bus(&mut encoders);
     let mut command = program();
-    command.args(["master", "--port", &bus, "--reply-within", "10", "diag"]);
+    command.args(["master", "--port", &bus, "--reply-within", "40", "diag"]);
     let Ended { status, errors, .. } = end_of(&mut command);
     assert_eq!(status, Some(1));
     assert!(errors.contains("several stations, at 5, 7; choose one with --address"), "{errors}");

@@ -181,3 +181,36 @@ fn in_real_time_it_asks_over_any_end() {
     assert!(matches!(master.diagnosis(6), Err(Error::Silent { slave: 6, .. })));
     bus.end();
 }
+
+// What an exchange costs does not grow with the stations, and each gets what is for it.
+#[test]
+fn one_master_keeps_a_full_bus_of_encoders_in_data_exchange() {
+    let mut segment = VirtualSegment::new(Instant::ZERO, Baudrate::B12000000);
+    let stations: Vec<u8> = (1..=125).filter(|&address| address != 2).collect();
+    for &station in &stations {
+        segment.add(encoder_at(station, Baudrate::B12000000));
+    }
+    let mut master = LightMaster::new(segment, Settings::default());
+    let mut prm = set_prm(CLASS_2);
+    // A watchdog of 100 ms.
+    (prm[0], prm[1], prm[2]) = (0x88, 1, 10);
+    for &station in &stations {
+        master.set_prm(station, &prm).unwrap();
+        master.chk_cfg(station, &[0xF1]).unwrap();
+    }
+    for cycle in 0..200u32 {
+        for &station in &stations {
+            let outputs = (cycle << 8 | u32::from(station)).to_be_bytes();
+            assert_eq!(master.exchange(station, &outputs).unwrap().octets, [0x12, 0x34, 0x56, 0x78]);
+        }
+    }
+    for &station in &stations {
+        assert_eq!(master.read_outputs(station).unwrap(), [0, 0, 199, station]);
+    }
+    assert_eq!(master.counters().retries, 0);
+    // 124 exchanges take a few milliseconds; nobody's watchdog has expired. Now all do.
+    master.line_mut().wait(Duration::from_millis(150));
+    for &station in &stations {
+        assert!(master.exchange(station, &[0; 4]).is_err(), "{station}");
+    }
+}

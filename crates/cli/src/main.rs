@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod conformance;
 mod ctl;
 mod datasheet;
 mod decode;
@@ -43,6 +44,7 @@ enum Command {
     Run(Box<run::Run>),
     /// Be a master: find stations, ask them, give them an address, exchange data with one
     Master(Box<master::Master>),
+    Conformance(Box<conformance::Conformance>),
     /// Telegrams in words: from arguments, a file or standard input
     Decode(decode::Decode),
     /// What measuring units and a range mean: words, octets, the jump at the overflow
@@ -73,6 +75,7 @@ fn main() -> ExitCode {
         Some(Command::Demo(options)) => demo::demo(&options),
         Some(Command::Run(run)) => run.run(),
         Some(Command::Master(master)) => master.run(),
+        Some(Command::Conformance(conformance)) => conformance.run(),
         Some(Command::Decode(decode)) => decode.run(),
         Some(Command::Scaling(scaling)) => scaling.run(),
         Some(Command::Gsd(gsd)) => gsd.run(),

@@ -1,13 +1,17 @@
 //! The way to the beginning of a case, from whatever the case before has left.
 
+use profibus_dp::time::Duration;
+
 use crate::case::{Before, Start};
 use crate::reply::{Reply, hex};
-use crate::rig::{Expect, Fresh, Heard, Order};
+use crate::rig::{Action, Expect, Fresh, Hand, Heard, Order};
 use crate::runner::{Played, Runner, Stop};
 use crate::telegram::{Atom, Body, Fc, Piece, Service};
 
 /// What Slave_Diag is asked for so many times at most while a slave gets ready.
 const PATIENCE: usize = 50;
+/// Longer than an encoder takes to see its shaft again.
+const LATCH: Duration = Duration::from_millis(2);
 /// The address of slaves as delivered.
 const DELIVERED: u8 = 126;
 
@@ -53,17 +57,17 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// The ident number of the slave, from its diagnosis.
+    /// The diagnosis of the slave, whatever it is: six octets at least, 5 and 6 being its ident number.
     ///
     /// # Errors
     ///
     /// It does not answer, or the rig broke; as a sentence.
-    pub fn identify(&mut self) -> Result<u16, String> {
-        let learned = self.learn_ident();
+    pub fn identify(&mut self) -> Result<Vec<u8>, String> {
+        let learned = self.diagnosis();
         self.fcb = [None; 2];
         self.records.clear();
         match learned {
-            Ok(()) => Ok(self.ident),
+            Ok(diagnosis) => Ok(diagnosis),
             Err(Stop::Fault(why) | Stop::Skip(why)) => Err(why),
             Err(Stop::Rig(error)) => Err(error.to_string()),
         }
@@ -87,7 +91,15 @@ impl Runner<'_> {
         self.mode = self.device.modes.first().unwrap_or(mode);
         self.start_up(&Before { state: Start::DataExchange, ..Before::default() })?;
         let zeros = vec![Atom::Outputs(0)];
-        self.ask(None, zeros)?;
+        self.ask(None, zeros.clone())?;
+        if self.device.encoder.is_some() && self.rig.has(Hand::Shaft) && self.mode.outputs == 4 {
+            // The shaft stands at 0 then, so this takes an offset away.
+            self.rig.act(&Action::Shaft(0))?;
+            self.rig.wait(LATCH)?;
+            self.ask(None, vec![Atom::Octet(0x80, 1), Atom::Octet(0, 3)])?;
+            self.rig.wait(LATCH)?;
+            self.ask(None, zeros)?;
+        }
         self.unlock(1)?;
         self.mode = mode;
         Ok(())
@@ -165,7 +177,14 @@ impl Runner<'_> {
         };
         let (signals, _) = self.context(fc).signals(&piece);
         self.rig.send(&signals)?;
-        Ok(self.rig.listen(Expect::Reply)?)
+        let heard = self.rig.listen(Expect::Reply)?;
+        let what = sap.map_or("Data_Exchange, on the way", way);
+        self.note("", what, &signals);
+        if let Some(record) = self.records.last_mut() {
+            record.came = hex(&heard.octets);
+            "an answer".clone_into(&mut record.due);
+        }
+        Ok(heard)
     }
 
     /// The slave has to be there at the end of a case.
@@ -181,6 +200,15 @@ impl Runner<'_> {
         }
         self.note("", "is the slave still there?", &signals);
         Err(Stop::Fault(format!("after the case, FDL status was not answered: {}", shown(&heard))))
+    }
+}
+
+/// What is asked on the way to the beginning.
+const fn way(sap: u8) -> &'static str {
+    match sap {
+        60 => "Slave_Diag, on the way",
+        61 => "Set_Prm, on the way",
+        _ => "Chk_Cfg, on the way",
     }
 }
 

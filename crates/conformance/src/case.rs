@@ -68,8 +68,10 @@ pub enum Need {
     OutputOctets(usize),
     /// The usual mode has so many parameter octets at least, from octet 8 on.
     UserPrm(usize),
-    /// An encoder with no more than so many bits for one turn.
-    SingleturnBits(u8),
+    /// An encoder with so many bits for one turn and for the turns.
+    Bits(u8, u8),
+    /// An encoder whose serial number is known.
+    Serial,
 }
 
 /// A feature of [`Features`](crate::Features).

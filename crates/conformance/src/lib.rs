@@ -13,12 +13,15 @@
 
 mod begin;
 pub mod case;
+pub mod control;
 pub mod device;
 mod judge;
 mod needs;
 mod parser;
+mod port_rig;
 mod random;
 mod reply;
+pub mod report;
 mod result;
 pub mod rig;
 mod runner;
@@ -28,15 +31,17 @@ mod virtual_rig;
 use std::sync::OnceLock;
 
 pub use case::{Case, Profile};
+pub use control::{Control, ControlSocket};
 pub use device::{Device, EncoderFacts, Features, Mode};
 pub use parser::{ParseError, parse};
+pub use port_rig::{PATIENCE, PortRig};
 pub use result::{CaseResult, Outcome, Record};
 pub use rig::{Action, Hand, Order, Rig, RigError};
 pub use runner::{NoMode, Options, Runner};
 pub use virtual_rig::{Fresher, Subject, VirtualRig};
 
 /// The files of cases with their texts, in the order in which they are played.
-pub const FILES: [(&str, &str); 8] = [
+pub const FILES: [(&str, &str); 17] = [
     ("receiving.txt", include_str!("../cases/receiving.txt")),
     ("frame_count.txt", include_str!("../cases/frame_count.txt")),
     ("services.txt", include_str!("../cases/services.txt")),
@@ -45,6 +50,15 @@ pub const FILES: [(&str, &str); 8] = [
     ("slave_diag.txt", include_str!("../cases/slave_diag.txt")),
     ("data_exchange.txt", include_str!("../cases/data_exchange.txt")),
     ("global_control.txt", include_str!("../cases/global_control.txt")),
+    ("watchdog.txt", include_str!("../cases/watchdog.txt")),
+    ("timing.txt", include_str!("../cases/timing.txt")),
+    ("masters.txt", include_str!("../cases/masters.txt")),
+    ("encoder_address.txt", include_str!("../cases/encoder_address.txt")),
+    ("encoder_parameters.txt", include_str!("../cases/encoder_parameters.txt")),
+    ("encoder_diagnosis.txt", include_str!("../cases/encoder_diagnosis.txt")),
+    ("encoder_position.txt", include_str!("../cases/encoder_position.txt")),
+    ("encoder_preset.txt", include_str!("../cases/encoder_preset.txt")),
+    ("encoder_velocity.txt", include_str!("../cases/encoder_velocity.txt")),
 ];
 
 /// All cases, in the order in which they are played.

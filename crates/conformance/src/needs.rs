@@ -57,9 +57,16 @@ fn met(need: &Need, device: &Device, rig: &dyn Rig) -> Result<(), String> {
         Need::UserPrm(count) => {
             demand(prm >= *count, &format!("a slave with {count} octets of user parameters or more"))
         }
-        Need::SingleturnBits(most) => demand(
-            device.encoder.as_ref().is_some_and(|facts| facts.singleturn_bits <= *most),
-            &format!("a variant with at most {most} bits for one turn"),
+        Need::Bits(n, m) => demand(
+            device
+                .encoder
+                .as_ref()
+                .is_some_and(|facts| (facts.singleturn_bits, facts.multiturn_bits) == (*n, *m)),
+            &format!("an encoder with {n}x{m} bits"),
+        ),
+        Need::Serial => demand(
+            device.encoder.as_ref().is_some_and(|facts| facts.serial.is_some()),
+            "the serial number of the encoder",
         ),
         Need::Feature(feature, due) => {
             let features = &device.features;

@@ -207,14 +207,15 @@ fn need(text: &str) -> Parsed<Need> {
         "fail-safe" => feature(Feature::FailSafe),
         "no fail-safe" => Need::Feature(Feature::FailSafe, false),
         "set-slave-add" => feature(Feature::SetSlaveAdd),
+        "serial" => Need::Serial,
         "octet 8" => feature(Feature::AsicOctet8),
         _ => {
             if let Some(count) = text.strip_suffix(" outputs") {
                 Need::OutputOctets(words::number(count)?)
             } else if let Some(count) = text.strip_suffix(" parameters") {
                 Need::UserPrm(words::number(count)?)
-            } else if let Some(count) = text.strip_suffix(" singleturn bits") {
-                Need::SingleturnBits(words::number(count)?)
+            } else if let Some((n, m)) = text.strip_prefix("bits ").and_then(|bits| bits.split_once('x')) {
+                Need::Bits(words::number(n)?, words::number(m)?)
             } else {
                 return Err(format!("`{text}` is nothing that a case can need"));
             }

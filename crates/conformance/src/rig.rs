@@ -8,8 +8,8 @@ use profibus_dp::time::{Baudrate, BitTimes, Duration};
 pub enum Signal {
     /// A character without fault.
     Octet(u8),
-    /// A character with a parity or framing error.
-    Damaged,
+    /// This character, with a parity or framing error.
+    Damaged(u8),
     /// The line is idle for so long, inside what is sent.
     Pause(BitTimes),
     /// What came so far reaches the slave in one read, the rest in another.

@@ -389,7 +389,7 @@ pub(crate) fn sent(signals: &[Signal]) -> String {
         .iter()
         .filter_map(|signal| match signal {
             Signal::Octet(octet) => Some(format!("{octet:02X}")),
-            Signal::Damaged => Some("--".to_owned()),
+            Signal::Damaged(_) => Some("--".to_owned()),
             Signal::Pause(_) => None,
             Signal::Read => Some("|".to_owned()),
         })

@@ -340,7 +340,7 @@ fn twist(octets: &[u8], twists: &[Twist]) -> Vec<Signal> {
         let mut signal = Signal::Octet(*octet);
         for twist in twists {
             match *twist {
-                Twist::Damaged(which) if which == number => signal = Signal::Damaged,
+                Twist::Damaged(which) if which == number => signal = Signal::Damaged(*octet),
                 Twist::Flipped(which, mask) if which == number => signal = Signal::Octet(octet ^ mask),
                 _ => {}
             }

@@ -143,7 +143,7 @@ impl<S: Subject> VirtualRig<S> {
                         read.clear();
                     }
                 }
-                Signal::Damaged => {
+                Signal::Damaged(_) => {
                     self.deliver(&std::mem::take(&mut read));
                     count += 1;
                     self.advance_to(start + self.rate.duration(BitTimes(11 * count)));

@@ -7,8 +7,8 @@ use profibus_dp::time::{Baudrate, Instant};
 use sch108bex::Identity;
 use sch108bex::configuration::Configurations;
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
+use sch108bex::event::PositionErrorCause;
 use sch108bex::health::Battery;
-use sch108bex::nonvolatile::Record;
 use sch108bex::specification::{PLACEHOLDER_IDENT, SerialNumber, Variant};
 
 /// The address that the switches say, but for cases about 126.
@@ -17,7 +17,6 @@ const ADDRESS: u8 = 5;
 pub(crate) struct Encoder {
     variant: Variant,
     bits: (u8, u8),
-    world: World,
 }
 
 impl Encoder {
@@ -28,7 +27,7 @@ impl Encoder {
 
     pub(crate) fn new(n: u8, m: u8) -> Self {
         let variant = Variant::new(n, m).expect("a variant");
-        Self { variant, bits: (n, m), world: World::default() }
+        Self { variant, bits: (n, m) }
     }
 
     pub(crate) fn device(&self) -> Device {
@@ -38,7 +37,7 @@ impl Encoder {
         device
     }
 
-    fn station(&self, now: Instant, order: Order, store: Store) -> EncoderStation {
+    fn station(&self, now: Instant, order: Order) -> EncoderStation {
         let switches = order.address.unwrap_or(126);
         let setup = EncoderSetup {
             identity: Identity {
@@ -52,7 +51,7 @@ impl Encoder {
             termination: TerminationSwitches::ON,
             shaft: Shaft::still(0),
             world: World::default(),
-            store,
+            store: Store::forgetful(),
             reporter: Reporter::new("encoder", None),
         };
         EncoderStation::new(now, setup).expect("a forgetful store")
@@ -63,31 +62,33 @@ impl Subject for Encoder {
     type Station = EncoderStation;
 
     fn power_on(&mut self, now: Instant, order: &Order) -> EncoderStation {
-        self.world = World::default();
-        self.station(now, *order, Store::forgetful())
+        self.station(now, *order)
     }
 
-    fn has(&self, hand: Hand) -> bool {
-        hand != Hand::Faults
+    fn has(&self, _: Hand) -> bool {
+        true
     }
 
-    fn act(&mut self, station: &mut Option<EncoderStation>, now: Instant, action: &Action, order: &Order) {
+    fn act(&mut self, station: &mut Option<EncoderStation>, now: Instant, action: &Action, _: &Order) {
         let Some(encoder) = station else { return };
-        let world = &mut self.world.0;
+        let World(mut world) = encoder.world();
+        let power =
+            |encoder: &mut EncoderStation, on| encoder.switch_power(now, on).expect("a forgetful store");
         match *action {
-            Action::PowerOff => {
-                // Out of the device's sight, or it could write what it has to keep.
-                let mut off = self.world;
-                off.0.supply_mv = 0;
-                encoder.set_world(now, off).expect("a forgetful store");
-                return;
-            }
-            Action::PowerOn => {}
+            Action::PowerOff => return power(encoder, false),
+            Action::PowerOn => return power(encoder, true),
             Action::Switches(switches) => return encoder.set_switches(RotarySwitches(switches)),
             Action::Shaft(raw) => return encoder.set_shaft(now, Shaft::still(raw)),
             Action::Turn(rpm) => {
-                let raw = encoder.snapshot(now).device.map_or(0, |device| device.physical_position);
-                return encoder.set_shaft(now, Shaft::constant(rpm, raw, now));
+                return encoder.set_shaft_from_here(now, Shaft::constant(rpm, 0, Instant::ZERO));
+            }
+            Action::PositionError => {
+                return encoder.position_error(now, PositionErrorCause::Injected);
+            }
+            Action::OperatingTime(tenths) => {
+                power(encoder, false);
+                encoder.set_operating_time(tenths * 360_000).expect("without power it can be set");
+                return power(encoder, true);
             }
             Action::Supply(tenths) => world.supply_mv = tenths * 100,
             Action::Temperature(tenths) => world.temperature_tenths = tenths,
@@ -99,15 +100,7 @@ impl Subject for Encoder {
                     Cell::Empty => Battery::Empty,
                 };
             }
-            Action::PositionError => return,
-            Action::OperatingTime(tenths) => {
-                let record =
-                    Record { operating_time_ms: tenths * 360_000, ..Record::as_delivered(self.variant) };
-                let store = Store::Memory([Some(record.encode(1)), None]);
-                *station = Some(self.station(now, *order, store));
-                return;
-            }
         }
-        encoder.set_world(now, self.world).expect("a forgetful store");
+        encoder.set_world(now, World(world)).expect("a forgetful store");
     }
 }

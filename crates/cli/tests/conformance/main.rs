@@ -1,11 +1,15 @@
 //! The encoder passes every case of the slave checks, in virtual time.
 
 mod encoder;
+mod ports;
 mod remote_io;
+
+use std::collections::BTreeSet;
 
 use conformance::{CaseResult, Device, Options, Outcome, Subject, VirtualRig, cases, run_virtual};
 
 use encoder::Encoder;
+use remote_io::RemoteIo;
 
 /// Plays all cases; gives back what became of them.
 fn run<S: Subject>(subject: S, device: &Device, options: Options, octetwise: bool) -> Vec<CaseResult> {
@@ -40,4 +44,20 @@ fn the_encoder_passes_in_virtual_time() {
 fn the_encoder_passes_with_srd_low_and_octet_by_octet() {
     let options = Options { srd_low: true, ..Options::default() };
     all_pass(&run(Encoder::full(), &Encoder::full().device(), options, true));
+}
+
+#[test]
+fn slaves_that_are_no_encoders_pass_and_no_case_is_left_over() {
+    let mut tried: BTreeSet<String> = BTreeSet::new();
+    let mut results = run(Encoder::full(), &Encoder::full().device(), Options::default(), false);
+    for kind in [RemoteIo::NO_OUTPUTS, RemoteIo::NO_INPUTS, RemoteIo::PLAIN] {
+        let mut rig = VirtualRig::new(kind, false).with_stream_receivers();
+        let device = kind.device();
+        results.extend(run_virtual(cases(), &device, &mut rig, Options::default()).expect("a mode"));
+    }
+    all_pass(&results);
+    let passed = results.iter().filter(|result| result.outcome == Outcome::Pass);
+    tried.extend(passed.map(|result| result.id.clone()));
+    let left: Vec<_> = cases().iter().filter(|case| !tried.contains(&case.id)).map(|case| &case.id).collect();
+    assert!(left.is_empty(), "never tried: {left:?}");
 }

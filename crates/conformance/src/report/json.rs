@@ -1,0 +1,51 @@
+//! For programs: one document.
+
+use serde_json::{Value, json};
+
+use crate::report::{Run, Tally};
+use crate::result::CaseResult;
+
+/// The run as one JSON document.
+pub fn json(run: &Run, results: &[CaseResult]) -> String {
+    let tally = Tally::of(results);
+    let cases: Vec<Value> = results.iter().map(case).collect();
+    let document = json!({
+        "program": run.program,
+        "port": run.port,
+        "address": run.address,
+        "ident": format!("0x{:04X}", run.ident),
+        "when": run.when,
+        "passed": tally.passed,
+        "failed": tally.failed,
+        "skipped": tally.skipped,
+        "cases": cases,
+    });
+    format!("{document:#}")
+}
+
+fn case(result: &CaseResult) -> Value {
+    let steps: Vec<Value> = result
+        .records
+        .iter()
+        .map(|record| {
+            json!({
+                "what": record.what,
+                "sent": record.sent,
+                "came": record.came,
+                "due": record.due,
+                "delay_ns": record.delay_ns,
+                "fault": record.fault,
+            })
+        })
+        .collect();
+    json!({
+        "id": result.id,
+        "title": result.title,
+        "area": result.area,
+        "rule": result.rule,
+        "result": result.outcome.word(),
+        "reason": result.reason,
+        "seconds": result.seconds,
+        "steps": steps,
+    })
+}

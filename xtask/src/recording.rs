@@ -17,8 +17,8 @@ use rustix::termios::{Winsize, tcsetwinsize};
 use crate::process::{Show, run};
 use crate::project::Project;
 
-const COLUMNS: u16 = 110;
-const ROWS: u16 = 48;
+const COLUMNS: u16 = 124;
+const ROWS: u16 = 46;
 /// The screen is looked at so often.
 const FRAME: Duration = Duration::from_millis(200);
 /// How long the last screen stays before it begins anew.

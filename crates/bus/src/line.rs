@@ -347,3 +347,6 @@ fn bits(rate: Baudrate, span: Duration) -> BitTimes {
 pub(crate) fn characters(octets: usize) -> BitTimes {
     BitTimes(BitTimes::CHARACTER.0.saturating_mul(u32::try_from(octets).unwrap_or(u32::MAX)))
 }
+
+#[cfg(test)]
+mod tests;

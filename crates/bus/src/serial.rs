@@ -5,6 +5,7 @@
 //! |---|---|
 //! | A character with a parity or framing error looks like a good one | the system marks it (`INPCK`, `PARMRK`), and it is [`Event::LineError`] |
 //! | The system takes settings that the driver does not have | all are read back |
+//! | The kernel writes its messages to the bus | its console is not opened |
 //! | A second program takes half of the octets | the device is claimed, for programs that ask (`flock`) and for those that do not (`TIOCEXCL`) |
 //! | Octets of another rate are heard after a change | thrown away |
 //! | An adapter keeps octets for 16 ms before it hands them over | told to keep them for 1 ms, where the driver has that |
@@ -91,6 +92,9 @@ impl SerialEnd {
     fn at(path: &Path, baud: BaudSetting, for_master: bool) -> Result<Self, EndError> {
         let trouble = Trouble::new(path);
         let kind = Kind::of(path).map_err(|error| trouble.cannot_open(error))?;
+        if settings::is_console(path) {
+            return Err(trouble.console());
+        }
         let flags = OFlags::RDWR | OFlags::NOCTTY | OFlags::NONBLOCK | OFlags::CLOEXEC;
         let device = open(path, flags, Mode::empty()).map_err(|error| trouble.cannot_open(error))?;
         if !isatty(&device) {

@@ -2,10 +2,11 @@
 
 mod common;
 
-use bus::{ReplyFault, VirtualSegment, memory};
+use bus::{EndError, ReplyFault, VirtualSegment, memory};
 use common::{ADDRESS, CLASS_1, CLASS_2, IDENT, SCANCON, encoder, encoder_at, set_prm};
 use master::light::StationKind;
-use master::{Error, LightMaster, Settings, Wire};
+use master::line::ReplyBuffer;
+use master::{Error, Heard, LightMaster, Line, Settings, Wire};
 use plant::EncoderStation;
 use profibus_dp::time::{Baudrate, Duration, Instant};
 
@@ -48,6 +49,74 @@ fn all_functionalities_exchange_data_at_all_rates() {
             assert_eq!(master.counters().retries, 0);
         }
     }
+}
+
+/// A line that writes down what is sent; every reply but the lost ones is an E5.
+#[derive(Debug, Default)]
+struct Script {
+    sent: Vec<Vec<u8>>,
+    lose: usize,
+}
+
+impl Line for Script {
+    fn now(&self) -> Instant {
+        Instant::ZERO
+    }
+
+    fn ask(&mut self, request: &[u8], reply: &mut ReplyBuffer) -> Result<Heard, EndError> {
+        self.sent.push(request.to_vec());
+        if self.lose > 0 {
+            self.lose -= 1;
+            return Ok(Heard::silence(Duration::ZERO));
+        }
+        reply[0] = 0xE5;
+        Ok(Heard { length: 1, delay: Duration::ZERO, damaged: false })
+    }
+
+    fn tell(&mut self, octets: &[u8]) -> Result<(), EndError> {
+        self.sent.push(octets.to_vec());
+        Ok(())
+    }
+
+    fn wait(&mut self, _: Duration) -> Result<(), EndError> {
+        Ok(())
+    }
+}
+
+// DP slave reference, section 2: FCV = 0 and FCB = 1 begin; then FCB toggles, but not in a retry.
+#[test]
+fn the_frame_count_bit_toggles_with_each_answer_and_begins_anew_after_silence() {
+    let mut master = LightMaster::new(Script::default(), Settings::default());
+    let mut function_codes = |lose: usize, times: usize| {
+        master.line_mut().lose = lose;
+        for _ in 0..times {
+            let _ = master.set_prm(ADDRESS, &[0x80, 0, 0, 0, 0, 0, 0]);
+        }
+        let sent = std::mem::take(&mut master.line_mut().sent);
+        sent.iter().map(|octets| octets[6]).collect::<Vec<u8>>()
+    };
+    assert_eq!(function_codes(0, 4), [0x6D, 0x5D, 0x7D, 0x5D]);
+    // One lost, and its retry.
+    assert_eq!(function_codes(1, 2), [0x7D, 0x7D, 0x5D]);
+    // Both lost: the station may have heard both, or none.
+    assert_eq!(function_codes(2, 3), [0x7D, 0x7D, 0x6D, 0x5D]);
+    // Each station has a sequence of its own.
+    master.set_prm(ADDRESS + 1, &[0x80, 0, 0, 0, 0, 0, 0]).unwrap();
+    assert_eq!(master.line().sent[0][6], 0x6D);
+}
+
+// By hand: DA 85, SA 82, then FC, DSAP, SSAP and the data; FCS is their sum.
+#[test]
+fn services_are_sent_as_the_standard_has_them() {
+    let mut master = LightMaster::new(Script::default(), Settings::default());
+    master.unlock(ADDRESS, 0x108B).unwrap();
+    master.set_address(ADDRESS, 9, 0x108B, true).unwrap();
+    master.global_control(0x20, 0x03).unwrap();
+    let sent = &master.line().sent;
+    assert_eq!(sent[0][4..14], [0x85, 0x82, 0x6D, 61, 62, 0x40, 0, 0, 0, 0x10]);
+    assert_eq!(sent[1][4..13], [0x85, 0x82, 0x5D, 55, 62, 9, 0x10, 0x8B, 0xFF]);
+    // FF + 82 + 46 + 3A + 3E + 20 + 03 is 262h.
+    assert_eq!(sent[2], [0x68, 7, 7, 0x68, 0xFF, 0x82, 0x46, 58, 62, 0x20, 0x03, 0x62, 0x16]);
 }
 
 #[test]
@@ -180,4 +249,37 @@ fn in_real_time_it_asks_over_any_end() {
     let mut master = LightMaster::new(wire, Settings::default());
     assert!(matches!(master.diagnosis(6), Err(Error::Silent { slave: 6, .. })));
     bus.end();
+}
+
+// What an exchange costs does not grow with the stations, and each gets what is for it.
+#[test]
+fn one_master_keeps_a_full_bus_of_encoders_in_data_exchange() {
+    let mut segment = VirtualSegment::new(Instant::ZERO, Baudrate::B12000000);
+    let stations: Vec<u8> = (1..=125).filter(|&address| address != 2).collect();
+    for &station in &stations {
+        segment.add(encoder_at(station, Baudrate::B12000000));
+    }
+    let mut master = LightMaster::new(segment, Settings::default());
+    let mut prm = set_prm(CLASS_2);
+    // A watchdog of 100 ms.
+    (prm[0], prm[1], prm[2]) = (0x88, 1, 10);
+    for &station in &stations {
+        master.set_prm(station, &prm).unwrap();
+        master.chk_cfg(station, &[0xF1]).unwrap();
+    }
+    for cycle in 0..200u32 {
+        for &station in &stations {
+            let outputs = (cycle << 8 | u32::from(station)).to_be_bytes();
+            assert_eq!(master.exchange(station, &outputs).unwrap().octets, [0x12, 0x34, 0x56, 0x78]);
+        }
+    }
+    for &station in &stations {
+        assert_eq!(master.read_outputs(station).unwrap(), [0, 0, 199, station]);
+    }
+    assert_eq!(master.counters().retries, 0);
+    // 124 exchanges take a few milliseconds; nobody's watchdog has expired. Now all do.
+    master.line_mut().wait(Duration::from_millis(150));
+    for &station in &stations {
+        assert!(master.exchange(station, &[0; 4]).is_err(), "{station}");
+    }
 }

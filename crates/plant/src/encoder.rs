@@ -9,7 +9,6 @@ use profibus_dp::wire::Telegram;
 use profibus_dp::wire::telegram::MAX_OCTETS;
 use sch108bex::configuration::Configurations;
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
-use sch108bex::event::PositionErrorCause;
 use sch108bex::health::Battery;
 use sch108bex::nonvolatile::Choice;
 use sch108bex::sensor::ShaftReading;
@@ -230,9 +229,6 @@ impl EncoderStation {
         let mut device = Box::new(device);
         reporter.tell(now, What::PowerOn(device.address()));
         device.measure(now, &world.0);
-        if self.injected.sensor_fault {
-            device.position_error(now, PositionErrorCause::SensorFault);
-        }
         self.device = Some(device);
         self.counters.power_ons += 1;
         self.latch(now);

@@ -2,6 +2,7 @@
 
 use core::fmt;
 
+use profibus_dp::dp::{Event as BusEvent, Refusal};
 use profibus_dp::time::Instant;
 
 use crate::diagnostics::{Alarms, Warnings};
@@ -57,7 +58,7 @@ pub enum Event {
     /// The configuration chose what the device is from now on.
     FunctionalityChosen(Functionality),
     /// What the slave has to tell: states, baud rate, refusals that the standard demands.
-    Bus(profibus_dp::dp::Event),
+    Bus(BusEvent),
 }
 
 /// What makes the position doubtful (manual 4.2.2, bit 0).
@@ -125,8 +126,31 @@ impl fmt::Display for Event {
             Self::FunctionalityChosen(functionality) => {
                 write!(f, "the configuration chose {functionality}")
             }
-            Self::Bus(event) => event.fmt(f),
+            Self::Bus(event) => {
+                event.fmt(f)?;
+                match event {
+                    BusEvent::Refused(refusal) => {
+                        section_of(*refusal).map_or(Ok(()), |section| write!(f, " (manual {section})"))
+                    }
+                    _ => Ok(()),
+                }
+            }
         }
+    }
+}
+
+/// The section of the manual with the rule; `None`: it is the standard's alone.
+const fn section_of(refusal: Refusal) -> Option<&'static str> {
+    match refusal {
+        Refusal::PrmTooShort(_)
+        | Refusal::StationStatus(_)
+        | Refusal::WatchdogFactor(_)
+        | Refusal::AsicOctet(_) => Some("4.1"),
+        Refusal::OtherConfiguration { .. } | Refusal::TooManyOctets | Refusal::OutputLength { .. } => {
+            Some("4.3")
+        }
+        Refusal::AddressRange(_) | Refusal::AddressFixed | Refusal::AtAddress126(_) => Some("3.4"),
+        _ => None,
     }
 }
 
@@ -141,5 +165,39 @@ impl fmt::Display for PositionErrorCause {
             Self::ImplausibleStep => "the shaft seems to have turned by more than a quarter turn within 1 ms",
             Self::Injected => "injected by request",
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::string::ToString;
+
+    use profibus_dp::dp::Service;
+
+    use super::*;
+
+    fn sentence(refusal: Refusal) -> std::string::String {
+        Event::Bus(BusEvent::Refused(refusal)).to_string()
+    }
+
+    #[test]
+    fn a_refusal_of_the_bus_half_names_the_section_where_the_manual_has_the_rule() {
+        for (refusal, section) in [
+            (Refusal::PrmTooShort(6), "(manual 4.1)"),
+            (Refusal::OutputLength { received: 3, due: 4 }, "(manual 4.3)"),
+            (Refusal::AtAddress126(Service::SetPrm), "(manual 3.4)"),
+            (Refusal::AddressFixed, "(manual 3.4)"),
+        ] {
+            assert!(sentence(refusal).ends_with(section), "{}", sentence(refusal));
+        }
+        assert!(!sentence(Refusal::DataInReadRequest(Service::GetCfg)).contains("manual"));
+    }
+
+    #[test]
+    fn another_configuration_is_told_with_both_octets() {
+        let of = |octet, received, agreed| sentence(Refusal::OtherConfiguration { octet, received, agreed });
+        assert!(of(1, Some(0xD1), Some(0xF1)).contains("Chk_Cfg octet 1 is D1, but F1 was agreed on"));
+        assert!(of(2, None, Some(0xD1)).contains("Chk_Cfg octet 2 is missing, but D1 was agreed on"));
+        assert!(of(2, Some(0x00), None).contains("Chk_Cfg octet 2 is 00, but no such octet was agreed on"));
     }
 }

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::Baudrate;
-use rustix::fs::major;
+use rustix::fs::{major, minor};
 use rustix::io::Errno;
 use rustix::termios::{
     ControlModes, InputModes, OptionalActions, QueueSelector, SpecialCodeIndex, Termios, tcflush, tcgetattr,
@@ -56,6 +56,18 @@ impl Kind {
         let pseudo = TERMINAL_SIDES.contains(&major(found.rdev()));
         Ok(if pseudo { Self::PseudoTerminal } else { Self::Uart })
     }
+}
+
+/// Whether the kernel writes its messages to this device.
+pub(super) fn is_console(path: &Path) -> bool {
+    let consoles = std::fs::read_to_string("/proc/consoles").unwrap_or_default();
+    std::fs::metadata(path).is_ok_and(|found| names(&consoles, major(found.rdev()), minor(found.rdev())))
+}
+
+/// Whether a device is in the text of /proc/consoles, whose lines end with its numbers.
+fn names(consoles: &str, major: u32, minor: u32) -> bool {
+    let number = format!("{major}:{minor}");
+    consoles.lines().any(|line| line.split_whitespace().next_back() == Some(&number))
 }
 
 /// Raw, 8E1, this rate, errors marked. All of it is read back. What was received before is thrown away.
@@ -175,6 +187,14 @@ mod tests {
         assert_eq!(changed(&|s| s.input_modes -= InputModes::PARMRK), Err(Refusal::Form));
         let other = changed(&|s| s.set_speed(460_800).unwrap());
         assert_eq!(other, Err(Refusal::Rate { asked: rate, made: 460_800 }));
+    }
+
+    #[test]
+    fn consoles_are_found_by_their_numbers() {
+        let consoles =
+            "tty0                 -WU (EC  p  )    4:1\nttyS0                -W- (EC  p a)    4:64\n";
+        assert!(names(consoles, 4, 64) && names(consoles, 4, 1));
+        assert!(!names(consoles, 4, 6) && !names(consoles, 64, 4) && !names("", 4, 64));
     }
 
     #[test]

@@ -53,6 +53,17 @@ impl<'a> Trouble<'a> {
         )
     }
 
+    /// The kernel has it.
+    pub(super) fn console(self) -> EndError {
+        self.error(
+            "use",
+            io::Error::other("the kernel writes its messages there"),
+            "take its console= from the kernel's command line and start the computer again, or use another \
+             device"
+                .to_owned(),
+        )
+    }
+
     /// It does not take what a bus needs.
     pub(super) fn cannot_set(self, device: &OwnedFd, kind: Kind, refusal: Refusal) -> EndError {
         match refusal {

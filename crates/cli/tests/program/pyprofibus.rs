@@ -119,6 +119,35 @@ fn exchange_twice(python: &Path, functionality: &str, rate: u32) {
 }
 
 #[test]
+fn both_masters_take_turns_on_one_encoder() {
+    let Some(python) = python("pyprofibus::both_masters_take_turns_on_one_encoder") else { return };
+    // 12345678h
+    let mut program = run(["--switches", "0B", "--shaft", "still@305419896"]);
+    let bus = program.bus();
+    for turn in 0..3 {
+        let arguments = ["--functionality", "scancon", "--cycles", "10"];
+        let facts = script(&python, "data_exchange.py", &mut program, &arguments);
+        let inputs = facts.inputs(11);
+        assert_eq!(inputs.len(), 10, "turn {turn}");
+        assert!(inputs.iter().all(|octets| *octets == "123456780000000000000000"), "{inputs:?}");
+        // profirust, with the octets of the manual's Scancon 2.0 (manual 4.1).
+        let mut profirust = crate::driver::program();
+        profirust.arg("master").arg("--port").arg(&bus).args([
+            "--address",
+            "11",
+            "--reply-within",
+            "300",
+            "run",
+        ]);
+        profirust.args(["--prm", "00 02 00010000 80000000 0000000000000000 01", "--cfg", "F1 D1 D1"]);
+        let ended = end_of(profirust.args(["--seconds", "0.3"]));
+        assert_eq!(ended.status, Some(0), "turn {turn}: {}", ended.errors);
+        assert!(ended.output.contains("inputs 12 34 56 78 00 00 00 00 00 00 00 00"), "{}", ended.output);
+    }
+    program.end();
+}
+
+#[test]
 fn a_turning_shaft() {
     let Some(python) = python("pyprofibus::a_turning_shaft") else { return };
     // 300 RPM are 5 turns a second: 327680 counts.

@@ -62,9 +62,15 @@ pub enum Refusal {
     },
     /// The service is not active in this state.
     NotInThisState(Service),
-    /// Chk_Cfg in data exchange with other identifiers than agreed on; the octet is the first
-    /// that differs, or the one behind the shorter.
-    OtherConfiguration(u8),
+    /// Chk_Cfg in data exchange with other identifiers than agreed on.
+    OtherConfiguration {
+        /// The first octet that differs, counted from 1.
+        octet: u8,
+        /// What it holds; `None`: the telegram ends before it.
+        received: Option<u8>,
+        /// What was agreed on; `None`: nothing more.
+        agreed: Option<u8>,
+    },
     /// Chk_Cfg: the application offers more octets than the slave was built for.
     TooManyOctets,
     /// Data_Exchange with another number of outputs than agreed on.
@@ -110,7 +116,7 @@ impl Refusal {
             | Self::NotInThisState(service)
             | Self::DataInReadRequest(service)
             | Self::AtAddress126(service) => service,
-            Self::OtherConfiguration(_) | Self::TooManyOctets => Service::ChkCfg,
+            Self::OtherConfiguration { .. } | Self::TooManyOctets => Service::ChkCfg,
             Self::OutputLength { .. } => Service::DataExchange,
             Self::GlobalControl(_) => Service::GlobalControl,
             Self::AddressTooShort(_)
@@ -131,7 +137,7 @@ impl Refusal {
             Self::AddressIdent { .. } => Some(2),
             Self::PrmIdent { .. } => Some(5),
             Self::AsicOctet(_) => Some(8),
-            Self::WatchdogFactor(octet) | Self::OtherConfiguration(octet) => Some(octet),
+            Self::WatchdogFactor(octet) | Self::OtherConfiguration { octet, .. } => Some(octet),
             _ => None,
         }
     }
@@ -146,6 +152,7 @@ impl Refusal {
             | Self::AddressTooShort(value)
             | Self::AddressRange(value)
             | Self::OutputLength { received: value, .. }
+            | Self::OtherConfiguration { received: Some(value), .. }
             | Self::OtherMaster { requester: value, .. } => value as u32,
             Self::PrmIdent { received, .. } | Self::AddressIdent { received, .. } => received as u32,
             _ => 0,
@@ -200,10 +207,13 @@ impl fmt::Display for Refusal {
                 write!(f, "{service} from master {requester} is refused: master {owner} owns this slave")
             }
             Self::NotInThisState(service) => write!(f, "{service} is not active in this state"),
-            Self::OtherConfiguration(octet) => write!(
-                f,
-                "Chk_Cfg octet {octet} differs from the configuration agreed on; in data exchange it cannot change"
-            ),
+            Self::OtherConfiguration { octet, received, agreed } => {
+                write!(f, "Chk_Cfg octet {octet} is ")?;
+                identifier(f, received, "missing")?;
+                f.write_str(", but ")?;
+                identifier(f, agreed, "no such octet")?;
+                f.write_str(" was agreed on, and in data exchange it cannot change")
+            }
             Self::TooManyOctets => f.write_str("Chk_Cfg asks for more octets than this slave was built for"),
             Self::OutputLength { received, due } => {
                 write!(f, "Data_Exchange carries {received} output octets, but {due} were agreed on")
@@ -231,5 +241,13 @@ impl fmt::Display for Refusal {
                 "{service} is refused: at address 126 a slave can only be found, diagnosed and given an address"
             ),
         }
+    }
+}
+
+/// An identifier octet, or what stands for none.
+fn identifier(f: &mut fmt::Formatter<'_>, octet: Option<u8>, none: &str) -> fmt::Result {
+    match octet {
+        Some(octet) => write!(f, "{octet:02X}"),
+        None => f.write_str(none),
     }
 }

@@ -354,8 +354,12 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
         let agreed = self.application.configuration(true);
         if octets != agreed {
             let same = agreed.iter().zip(octets).take_while(|(agreed, octet)| agreed == octet).count();
-            let octet = u8::try_from(same).unwrap_or(u8::MAX).saturating_add(1);
-            self.cfg_fault(now, Some(Refusal::OtherConfiguration(octet)));
+            let refusal = Refusal::OtherConfiguration {
+                octet: u8::try_from(same).unwrap_or(u8::MAX).saturating_add(1),
+                received: octets.get(same).copied(),
+                agreed: agreed.get(same).copied(),
+            };
+            self.cfg_fault(now, Some(refusal));
         }
     }
 

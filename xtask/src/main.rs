@@ -8,6 +8,7 @@ mod process;
 mod project;
 mod recording;
 mod setup;
+mod soak;
 mod steps;
 mod tally;
 mod thumb;
@@ -26,6 +27,8 @@ Usage: cargo xtask TASK
   test [STEP]                everything, as continuous integration runs it; or one step of it
   bench [--only NAME] [--gate]
                              the figures, also in target/bench.json; --gate: exit 1 over a limit
+  soak [--hours H] [--seed N]
+                             hours of bus time within minutes, all that must hold looked at; docs/soak.md
   traceability               every requirement has tests, and they exist
   recording                  docs/demo.svg anew: the demonstration as a moving picture";
 
@@ -64,6 +67,10 @@ fn task(words: &[&str]) -> Option<Task> {
         ["bench", options @ ..] => {
             let options = bench::Options::parse(options)?;
             Box::new(move |project| bench::run(project, &options))
+        }
+        ["soak", options @ ..] => {
+            let options: Vec<String> = options.iter().map(ToString::to_string).collect();
+            Box::new(move |project| soak::run(project, &options))
         }
         ["help" | "--help" | "-h"] => Box::new(|_| {
             println!("{USAGE}");

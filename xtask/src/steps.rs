@@ -112,7 +112,8 @@ pub(crate) fn one_check(name: &str, commands: impl IntoIterator<Item = Command>)
 }
 
 fn fmt(run: &Run<'_>) -> Result<Tally, String> {
-    let apart = ["m4", "no-panic"].map(|package| format!("--manifest-path=benches/{package}/Cargo.toml"));
+    let apart = ["benches/m4", "benches/no-panic", "fuzz"]
+        .map(|package| format!("--manifest-path={package}/Cargo.toml"));
     let all = ["--all".to_string()].into_iter().chain(apart);
     one_check("fmt", all.map(|which| run.project.cargo(["fmt", which.as_str(), "--check"])))
 }

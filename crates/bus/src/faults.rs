@@ -264,6 +264,35 @@ impl Faults {
         self.active.is_some()
     }
 
+    /// Whether octets of a request arrive as they are; if not, [`request`](Self::request) has to tell what
+    /// becomes of them. Most do, and this costs them little.
+    #[inline]
+    pub(crate) fn leaves_request(&mut self, octets: &[u8]) -> bool {
+        self.active.as_mut().is_none_or(|active| {
+            let Active { flips, characters, request_characters, next_requests, .. } = &mut **active;
+            next_requests.is_empty() && request_characters.passes(octets.len(), flips, *characters)
+        })
+    }
+
+    /// Whether a reply arrives as it is, as [`leaves_request`](Self::leaves_request) says it of requests.
+    #[inline]
+    pub(crate) fn leaves_reply(&mut self, octets: &[u8]) -> bool {
+        self.active.as_mut().is_none_or(|active| {
+            let mut telegrams = active.reply_telegrams.clone();
+            let shares = [active.lost_replies, active.doubled_replies, active.late_replies];
+            // Each of them draws, also after one that happens.
+            let spared = shares.into_iter().filter(|&share| telegrams.takes(share)).count() == 0;
+            let Active { flips, characters, reply_characters, next_replies, .. } = &mut **active;
+            let passes = spared
+                && next_replies.is_empty()
+                && reply_characters.passes(octets.len(), flips, *characters);
+            if passes {
+                active.reply_telegrams = telegrams;
+            }
+            passes
+        })
+    }
+
     /// Octets of a request as they arrive. `begins`: a request to one of the stations begins with
     /// them, so that they may have a fault in store.
     pub(crate) fn request(&mut self, octets: &[u8], begins: bool) -> Vec<Character> {

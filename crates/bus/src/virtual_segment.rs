@@ -232,7 +232,7 @@ impl<S: Station> VirtualSegment<S> {
             self.advance_to(until);
             return Answer::Silence { until };
         }
-        if self.faults.is_active() {
+        if !self.faults.leaves_reply(&self.line[..length]) {
             return self.deliver_with_faults(Delivery { start, asked, until, length, damaged }, first);
         }
         let line = std::mem::take(&mut self.line);
@@ -298,10 +298,10 @@ impl<S: Station> VirtualSegment<S> {
     /// Octets of the master on the line from `start` on, `fresh` ones after idle time.
     #[inline]
     fn put_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
-        if self.faults.is_active() {
-            self.put_failing_request_on_line(start, octets, fresh);
+        if self.faults.leaves_request(octets) {
+            self.put_on_line(start, octets, None, self.faults.is_active());
         } else {
-            self.put_on_line(start, octets, None, false);
+            self.put_failing_request_on_line(start, octets, fresh);
         }
     }
 

@@ -94,6 +94,22 @@ pub enum GsdError {
     Rate(Baudrate, String),
 }
 
+/// The text without what would do harm: control characters, which messages would bring to a terminal, and
+/// slot definitions, which nothing here needs and which take for ever in a hostile file.
+fn fit_to_be_read(text: &str) -> String {
+    let mut inside = false;
+    let mut fit = String::with_capacity(text.len());
+    for line in text.split_inclusive('\n') {
+        let word = line.trim().to_ascii_lowercase();
+        inside |= word.starts_with("slotdefinition");
+        // Blank lines in their place, so that line numbers in messages hold.
+        let line = if inside { "\n" } else { line };
+        fit.extend(line.chars().map(|c| if c.is_control() && !"\r\n\t".contains(c) { ' ' } else { c }));
+        inside &= !word.starts_with("endslotdefinition");
+    }
+    fit
+}
+
 fn list(names: &[String]) -> String {
     if names.is_empty() {
         return "none".to_owned();
@@ -110,7 +126,8 @@ impl Gsd {
     pub fn parse(name: &str, text: &str) -> Result<Self, GsdError> {
         let hook = std::panic::take_hook();
         std::panic::set_hook(Box::new(|_| {}));
-        let parsed = std::panic::catch_unwind(|| gsd_parser::parser::parse(Path::new(name), text));
+        let text = fit_to_be_read(text);
+        let parsed = std::panic::catch_unwind(|| gsd_parser::parser::parse(Path::new(name), &text));
         std::panic::set_hook(hook);
         match parsed {
             Err(_) => Err(GsdError::Broken),

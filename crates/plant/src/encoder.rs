@@ -199,6 +199,15 @@ impl EncoderStation {
         }
     }
 
+    /// The rate at which it listens first once it has power. Without power it hears nothing, and a segment
+    /// need not take it for one that hears faults.
+    fn first_rate(&self) -> Baudrate {
+        match self.setup.rate {
+            Rate::Fixed(rate) | Rate::Search(rate) => rate,
+            Rate::OfTheEnd => self.told_rate.unwrap_or(RATE_WITHOUT_A_RATE),
+        }
+    }
+
     /// What the memory holds at a later power-on: there the damage is the encoder's to deal with.
     fn load(&mut self) -> Result<Choice, StoreError> {
         if std::mem::take(&mut self.injected.memory_lost_at_power_on) {
@@ -332,7 +341,7 @@ impl Station for EncoderStation {
     }
 
     fn listening_rate(&self) -> Baudrate {
-        self.device.as_ref().map_or(RATE_WITHOUT_A_RATE, |device| device.listening_rate())
+        self.device.as_ref().map_or_else(|| self.first_rate(), |device| device.listening_rate())
     }
 
     fn address(&self) -> Option<u8> {

@@ -76,6 +76,18 @@ fn power_comes_and_goes_with_the_supply() {
     assert_eq!(told.iter().filter(|line| *line == "it: power on, station address 11").count(), 3);
 }
 
+// A segment in virtual time takes the long way for every telegram while a station hears only faults.
+#[test]
+fn without_power_it_is_no_station_that_listens_at_another_rate() {
+    for rate in [Rate::Fixed(Baudrate::B12000000), Rate::Search(Baudrate::B12000000)] {
+        let (mut setup, _reports) = setup(0x0B, Shaft::still(0));
+        setup.rate = rate;
+        setup.world = world(|world| world.supply_mv = 0);
+        let station = EncoderStation::new(at(0), setup).unwrap();
+        assert_eq!((station.address(), station.listening_rate()), (None, Baudrate::B12000000));
+    }
+}
+
 #[test]
 fn without_enough_supply_at_the_start_it_is_off() {
     let (mut setup, reports) = setup(0x0B, Shaft::still(0));

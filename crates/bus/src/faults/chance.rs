@@ -42,6 +42,21 @@ impl Chance {
         share.has(self.next())
     }
 
+    /// Whether so many characters pass as they are. If so, chance goes on after them; if not, it stays
+    /// before them.
+    pub(super) fn passes(&mut self, count: usize, flips: &Flips, errors: Share) -> bool {
+        let mut ahead = self.clone();
+        let any_flip = flips.first_by[CHARACTER_BITS - 1];
+        for _ in 0..count {
+            let (number, error) = (ahead.next(), ahead.takes(errors));
+            if any_flip.has(number) || error {
+                return false;
+            }
+        }
+        *self = ahead;
+        true
+    }
+
     /// The bits of a character that flip, the start bit lowest. One number as long as none does.
     pub(super) fn flips(&mut self, flips: &Flips) -> u16 {
         let number = self.next();

@@ -35,6 +35,33 @@ fn how_octets_are_cut_makes_no_difference() {
     assert_eq!(run(17), whole);
 }
 
+/// What the short way lets pass is what the long way leaves as it is, number for number.
+#[test]
+fn the_short_way_draws_the_same_chance() {
+    let shares = |noise: &mut Noise| {
+        (noise.bit_errors, noise.character_errors) = (0.002, 0.003);
+        (noise.lost_replies, noise.doubled_replies, noise.late_replies) = (0.05, 0.05, 0.05);
+        noise.late_by = Duration::from_micros(5);
+    };
+    let (mut short, mut long) = (noise(shares), noise(shares));
+    let (mut let_pass, octets) = (0, [0x68, 5, 5, 0x68, 0x8B, 0x82, 0x6D, 0x3C, 0x3E, 0xF4, 0x16]);
+    for round in 0..2_000 {
+        let long_way = (long.request(&octets, false), long.reply(&octets));
+        let request =
+            if short.leaves_request(&octets) { intact(&octets) } else { short.request(&octets, false) };
+        let passed = short.leaves_reply(&octets);
+        let reply = if passed {
+            Arrival { characters: intact(&octets), late_by: Duration::ZERO }
+        } else {
+            short.reply(&octets)
+        };
+        assert_eq!((request, reply), long_way, "round {round}");
+        let_pass += usize::from(passed);
+    }
+    assert_eq!(short.counters(), long.counters());
+    assert!((1_000..1_900).contains(&let_pass), "{let_pass}");
+}
+
 #[test]
 fn another_seed_gives_other_faults() {
     let run = |seed| {

@@ -80,7 +80,9 @@ fn without_slots(text: &str) -> String {
         let word = line.trim().to_ascii_lowercase();
         inside |= word.starts_with("slotdefinition");
         // Blank lines in their place, so that line numbers in messages hold.
-        kept.push_str(if inside { "\n" } else { line });
+        let line = if inside { "\n" } else { line };
+        // Names are shown, too: no control characters on somebody's terminal.
+        kept.extend(line.chars().map(|c| if c.is_control() && !"\r\n\t".contains(c) { ' ' } else { c }));
         inside &= !word.starts_with("endslotdefinition");
     }
     kept
@@ -164,6 +166,14 @@ mod tests {
             assert!(error.starts_with("is no GSD file"), "{error}");
             assert!(error.chars().all(|c| c == '\n' || !c.is_control()) && error.len() < 5_000, "{error}");
         }
+    }
+
+    // Found by the fuzz target `gsd`: names are shown in notes and refusals.
+    #[test]
+    fn names_hold_no_commands_for_a_terminal() {
+        let text = format!("{SMALL}Module = \"\u{1b}[2J\u{9b}\" 0xD1\nEndModule\n");
+        let gsd = read(Path::new("a.gsd"), &text).expect("a GSD");
+        assert_eq!(gsd.available_modules[0].name, " [2J ");
     }
 
     // A slot refers to modules by ranges; each number of each range is looked for among all modules.

@@ -143,3 +143,24 @@ fn the_legacy_keywords_do_too() {
     let slave = Gsd::parse("test.gsd", text).unwrap().slave(9, Baudrate::B9600, None, &[]).expect("fits");
     assert_eq!((&slave.parameters.user[..], slave.inputs, slave.max_tsdr), (&[1, 2, 3][..], 1, 60));
 }
+
+// Found by the fuzz target `gsd`.
+#[test]
+fn nothing_of_a_hostile_file_reaches_a_terminal_as_a_command() {
+    let broken = Gsd::parse("a.gsd", "#Profibus_DP\n\u{1b}]0;mine\u{7}\u{96}\n").unwrap_err().to_string();
+    let module = format!("{}Module = \"\u{1b}[2J\" 0xD1\nEndModule\n", &GSD[..GSD.find("Modular").unwrap()]);
+    let unknown = Gsd::parse("a.gsd", &module).unwrap().module(Some("other")).unwrap_err().to_string();
+    for message in [broken, unknown] {
+        assert!(message.chars().all(|c| c == '\n' || !c.is_control()), "{message:?}");
+    }
+}
+
+// Each number of each range is looked for among all modules: 20000 slots of 65536 numbers take hours.
+#[test]
+fn slots_take_no_time() {
+    let slots = "Slot(1) = \"S\" 1 0-65535\n".repeat(20_000);
+    let text = format!("{GSD}SlotDefinition\n{slots}EndSlotDefinition\n");
+    let started = std::time::Instant::now();
+    assert!(Gsd::parse("a.gsd", &text).is_ok());
+    assert!(started.elapsed().as_secs() < 30, "{:?}", started.elapsed());
+}

@@ -4,6 +4,7 @@
 //! |---|---|---|
 //! | `pty` | a new pseudo terminal | refused: nobody is behind it |
 //! | `tcp-listen:ADDRESS:PORT` | the master connects here | the slave connects here |
+//! | `tcp-listen:PORT` | the same at 127.0.0.1 | the same at 127.0.0.1 |
 //! | `tcp:ADDRESS:PORT` | the master listens there; tried for ever | the slave listens there; tried once, or for some time |
 //! | `unix:PATH` | the master connects to this socket | the slave listens there; tried likewise |
 //! | `/dev/...` | a serial device | a serial device, or the pseudo terminal of a slave |
@@ -56,7 +57,7 @@ impl FromStr for PortAddress {
     fn from_str(text: &str) -> Result<Self, PortError> {
         match text.split_once(':') {
             _ if text == "pty" => Ok(Self::Pty),
-            Some(("tcp-listen", rest)) => Ok(Self::TcpListen(rest.parse()?)),
+            Some(("tcp-listen", rest)) => Ok(Self::TcpListen(listening(rest)?)),
             Some(("tcp", rest)) => match rest.parse::<TcpAddress>()? {
                 found if found.port() == 0 => Err(PortError::PortZero),
                 found => Ok(Self::Tcp(found)),
@@ -67,6 +68,12 @@ impl FromStr for PortAddress {
             _ => Err(PortError::Unknown),
         }
     }
+}
+
+/// Where nobody says who may connect, only this computer may.
+fn listening(rest: &str) -> Result<TcpAddress, AddressError> {
+    let is_port = !rest.is_empty() && rest.bytes().all(|digit| digit.is_ascii_digit());
+    if is_port { format!("127.0.0.1:{rest}").parse() } else { rest.parse() }
 }
 
 impl fmt::Display for PortAddress {
@@ -101,10 +108,27 @@ mod tests {
     }
 
     #[test]
+    fn without_an_address_only_this_computer_is_let_in() {
+        let port: PortAddress = "tcp-listen:4000".parse().expect("a port");
+        assert_eq!(port.to_string(), "tcp-listen:127.0.0.1:4000");
+        assert!("tcp-listen:65536".parse::<PortAddress>().is_err());
+        assert!("tcp:4000".parse::<PortAddress>().is_err(), "nobody connects to he knows not whom");
+    }
+
+    #[test]
     fn what_is_no_port_is_told_what_to_write() {
-        for text in
-            ["", "PTY", "ttyUSB0", "tcp", "tcp:", "tcp:127.0.0.1:0", "tcp-listen:4000", "unix:", "udp:a:1"]
-        {
+        for text in [
+            "",
+            "PTY",
+            "ttyUSB0",
+            "tcp",
+            "tcp:",
+            "tcp:127.0.0.1:0",
+            "tcp-listen:",
+            "tcp-listen::4000",
+            "unix:",
+            "udp:a:1",
+        ] {
             let error = text.parse::<PortAddress>().expect_err(text).to_string();
             assert!(error.contains("write"), "{text}: {error}");
         }

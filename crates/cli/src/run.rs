@@ -36,7 +36,8 @@ pub(crate) struct Run {
     /// pty: a new pseudo terminal, which your master opens like a serial port.
     ///
     /// tcp-listen:ADDRESS:PORT: your master connects to this TCP port; port 0 takes one that is free. Only
-    /// this computer reaches it at 127.0.0.1; any other address is for others, and nothing protects it.
+    /// this computer reaches it at 127.0.0.1, which is meant where ADDRESS is left out; any other address is
+    /// for others, and nothing protects it.
     ///
     /// tcp:ADDRESS:PORT: your master listens there; tried again until it does.
     ///

@@ -157,6 +157,12 @@ impl Program {
         self.child.wait().expect("it ends");
     }
 
+    /// Its process.
+    #[allow(dead_code, reason = "not every test file looks at the process")]
+    pub(crate) fn id(&self) -> u32 {
+        self.child.id()
+    }
+
     /// Whether it is still there.
     pub(crate) fn is_running(&mut self) -> bool {
         self.child.try_wait().expect("a status").is_none()

@@ -207,6 +207,7 @@ fn need(text: &str) -> Parsed<Need> {
         "fail-safe" => feature(Feature::FailSafe),
         "no fail-safe" => Need::Feature(Feature::FailSafe, false),
         "set-slave-add" => feature(Feature::SetSlaveAdd),
+        "no set-slave-add" => Need::Feature(Feature::SetSlaveAdd, false),
         "serial" => Need::Serial,
         "octet 8" => feature(Feature::AsicOctet8),
         _ => {

@@ -1,6 +1,7 @@
 //! The encoder passes every case of the slave checks, in virtual time.
 
 mod encoder;
+mod masters;
 mod ports;
 mod remote_io;
 

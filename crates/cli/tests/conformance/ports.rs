@@ -9,13 +9,13 @@ use std::process::{Child, Command, Output, Stdio};
 use serde_json::Value;
 
 /// `sch108bex run` while it runs.
-struct Encoder {
+pub(crate) struct Encoder {
     child: Child,
-    port: String,
+    pub(crate) port: String,
 }
 
 impl Encoder {
-    fn run(arguments: &[&str]) -> Self {
+    pub(crate) fn run(arguments: &[&str]) -> Self {
         let mut child = Command::new(env!("CARGO_BIN_EXE_sch108bex"))
             .args(["run", "--switches", "05"])
             .args(arguments)

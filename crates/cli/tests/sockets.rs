@@ -286,8 +286,8 @@ fn addresses_that_cannot_be_are_a_sentence_and_status_2() {
         ),
         ("udp:127.0.0.1:4000", ["udp", "write pty, tcp-listen:ADDRESS:PORT"]),
         ("tcp-listen:", ["tcp-listen:", "write an address and a port, like 127.0.0.1:4000"]),
-        // No address stands for none: not for all, and not for this computer's.
-        ("tcp-listen:4000", ["4000", "write an address and a port, like 127.0.0.1:4000"]),
+        // Only who listens may leave it out: nobody is connected to by guess.
+        ("tcp:4000", ["4000", "write an address and a port, like 127.0.0.1:4000"]),
         ("tcp-listen::4000", [":4000", "write an address and a port, like 127.0.0.1:4000"]),
         ("tcp-listen:127.0.0.1:", ["127.0.0.1:", "write an address and a port"]),
         ("tcp-listen:127.0.0.1:65536", ["65536", "a port is a number from 0 to 65535"]),

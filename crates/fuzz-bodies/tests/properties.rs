@@ -26,8 +26,9 @@ fn over_the_corpus(name: &str) {
 }
 
 #[test]
-fn every_body_has_a_corpus_and_nothing_else_has() {
-    let corpora = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus");
+fn every_body_has_a_target_and_a_corpus_and_nothing_else_has() {
+    let fuzz = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz");
+    let corpora = fuzz.join("corpus");
     let mut names: Vec<_> = fs::read_dir(corpora)
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
@@ -36,6 +37,12 @@ fn every_body_has_a_corpus_and_nothing_else_has() {
     let mut bodies: Vec<_> = BODIES.iter().map(|(name, _)| (*name).to_owned()).collect();
     bodies.sort();
     assert_eq!(names, bodies);
+    let manifest = fs::read_to_string(fuzz.join("Cargo.toml")).unwrap();
+    for body in bodies {
+        let target = fs::read_to_string(fuzz.join(format!("fuzz_targets/{body}.rs"))).unwrap();
+        assert!(target.contains(&format!("fuzz_bodies::{body}::{body}(octets)")), "{target}");
+        assert!(manifest.contains(&format!("path = \"fuzz_targets/{body}.rs\"")), "{body}");
+    }
 }
 
 #[test]

@@ -91,8 +91,8 @@ impl Offer {
     }
 
     fn from_gsd(path: &Path, variant: Variant) -> Result<Self, String> {
-        let text = gsd::read_text(path).map_err(|error| error.to_string())?;
-        let file = gsd::read(path, &text).map_err(|error| error.to_string())?;
+        let text = gsd_reader::read_text(path).map_err(|error| error.to_string())?;
+        let file = gsd_reader::read(path, &text).map_err(|error| error.to_string())?;
         let gsd::Judgement { ident_number, configurations, notes } = gsd::judge(&file, &text, variant)?;
         Ok(Self { ident_number, configurations, notes })
     }

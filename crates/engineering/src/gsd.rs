@@ -4,9 +4,7 @@
 //! place that a tool shows.
 
 mod judgement;
-mod reading;
 mod template;
 
 pub use judgement::{Judgement, judge};
-pub use reading::{MOST_OCTETS, ReadError, read, read_text};
 pub use template::{KEPT, file_name, text};

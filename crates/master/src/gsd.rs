@@ -1,7 +1,7 @@
 //! From a GSD file to what a slave is given: ident number, user parameters, identifier octets.
 //!
-//! gsd-parser reads the file; it gives up by a panic on some broken ones, and its own builder of parameters
-//! on values that do not fit, so both are looked after here.
+//! gsd-parser's own builder of parameters gives up by a panic on values that do not fit: that is looked after
+//! here.
 
 use std::ops::RangeInclusive;
 use std::path::Path;
@@ -11,6 +11,7 @@ use gsd_parser::{
     GenericStationDescription, Module, PrmValueConstraint, UserPrmData, UserPrmDataDefinition,
     UserPrmDataType,
 };
+use gsd_reader::ReadError;
 use profibus_dp::time::Baudrate;
 use profibus_dp::wire::chk_cfg::Lengths;
 
@@ -94,22 +95,6 @@ pub enum GsdError {
     Rate(Baudrate, String),
 }
 
-/// The text without what would do harm: control characters, which messages would bring to a terminal, and
-/// slot definitions, which nothing here needs and which take for ever in a hostile file.
-fn fit_to_be_read(text: &str) -> String {
-    let mut inside = false;
-    let mut fit = String::with_capacity(text.len());
-    for line in text.split_inclusive('\n') {
-        let word = line.trim().to_ascii_lowercase();
-        inside |= word.starts_with("slotdefinition");
-        // Blank lines in their place, so that line numbers in messages hold.
-        let line = if inside { "\n" } else { line };
-        fit.extend(line.chars().map(|c| if c.is_control() && !"\r\n\t".contains(c) { ' ' } else { c }));
-        inside &= !word.starts_with("endslotdefinition");
-    }
-    fit
-}
-
 fn list(names: &[String]) -> String {
     if names.is_empty() {
         return "none".to_owned();
@@ -124,16 +109,11 @@ impl Gsd {
     ///
     /// It is none, or broken, or has no ident number.
     pub fn parse(name: &str, text: &str) -> Result<Self, GsdError> {
-        let hook = std::panic::take_hook();
-        std::panic::set_hook(Box::new(|_| {}));
-        let text = fit_to_be_read(text);
-        let parsed = std::panic::catch_unwind(|| gsd_parser::parser::parse(Path::new(name), &text));
-        std::panic::set_hook(hook);
-        match parsed {
+        match gsd_reader::read(Path::new(name), text) {
+            Ok(description) if description.ident_number == 0 => Err(GsdError::NoIdent),
+            Ok(description) => Ok(Self { description }),
+            Err(ReadError::Syntax(why)) => Err(GsdError::Syntax(why)),
             Err(_) => Err(GsdError::Broken),
-            Ok(Err(error)) => Err(GsdError::Syntax(error.to_string())),
-            Ok(Ok(description)) if description.ident_number == 0 => Err(GsdError::NoIdent),
-            Ok(Ok(description)) => Ok(Self { description }),
         }
     }
 

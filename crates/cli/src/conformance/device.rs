@@ -16,10 +16,9 @@ pub(super) fn described(address: u8, ident: Option<u16>, gsd: Option<&Path>) -> 
         return Ok(Device { ident, ..Device::encoder(address, 16, 15) });
     };
     let fault = |why: String| Failure::Failed(format!("--gsd {}: {why}", path.display()));
-    let octets = std::fs::read(path).map_err(|error| fault(format!("cannot be read: {error}")))?;
+    let text = gsd_reader::read_text(path).map_err(|error| fault(error.to_string()))?;
     let name = path.display().to_string();
-    let gsd =
-        Gsd::parse(&name, &String::from_utf8_lossy(&octets)).map_err(|error| fault(error.to_string()))?;
+    let gsd = Gsd::parse(&name, &text).map_err(|error| fault(error.to_string()))?;
     let mut device = from_gsd(address, &gsd).map_err(fault)?;
     device.ident = Some(ident.unwrap_or(gsd.description().ident_number));
     Ok(device)

@@ -130,8 +130,7 @@ impl Exchange {
         let mut slave = match (&self.gsd, &self.prm, &self.cfg) {
             (Some(path), ..) => {
                 let wrong = |why: String| Failure::Failed(format!("--gsd {}: {why}", path.display()));
-                let text = std::fs::read(path).map_err(|error| wrong(format!("cannot be read: {error}")))?;
-                let text = String::from_utf8_lossy(&text);
+                let text = gsd_reader::read_text(path).map_err(|error| wrong(error.to_string()))?;
                 let gsd = Gsd::parse(&path.display().to_string(), &text)
                     .map_err(|error| wrong(error.to_string()))?;
                 gsd.slave(address, master.baud, self.module.as_deref(), &self.set)

@@ -14,6 +14,7 @@ mod driver;
 mod kill;
 mod master;
 mod pyprofibus;
+mod readme;
 mod refusals;
 mod serial;
 mod shown;

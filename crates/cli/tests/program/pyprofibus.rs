@@ -13,7 +13,7 @@ use serde_json::Value;
 use crate::driver::{Program, end_of, run};
 
 /// The Python to use. Without one the test says so, in the log of skipped tests too.
-fn python(test: &str) -> Option<PathBuf> {
+pub(crate) fn python(test: &str) -> Option<PathBuf> {
     if let Some(python) = std::env::var_os("SCH108BEX_PYTHON") {
         return Some(python.into());
     }

@@ -2,7 +2,9 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::*;
-use crate::gsd::{read, text};
+use gsd_reader::read;
+
+use crate::gsd::text;
 
 /// Our own file with some of its lines changed: the file of a master's project.
 fn judged(changes: &[(&str, &str)]) -> Result<Judgement, String> {

@@ -1,4 +1,8 @@
-//! Reading a GSD file that may be anything.
+//! Reading a GSD file that may be anything: Latin-1 as most are, broken, or made to do harm.
+//!
+//! Everybody who takes a GSD from a user takes it through this.
+
+#![forbid(unsafe_code)]
 
 use std::cell::Cell;
 use std::io::Read;

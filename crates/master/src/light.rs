@@ -105,6 +105,8 @@ pub struct LightMaster<L> {
     frame_counts: [FrameCount; 128],
     request: [u8; MAX_OCTETS],
     reply: ReplyBuffer,
+    /// How many octets of the two are those of the last exchange.
+    last: (usize, usize),
     counters: Counters,
 }
 
@@ -117,6 +119,7 @@ impl<L: Line> LightMaster<L> {
             frame_counts: [FrameCount::First; 128],
             request: [0; MAX_OCTETS],
             reply: [0; 2 * MAX_OCTETS],
+            last: (0, 0),
             counters: Counters::default(),
         }
     }
@@ -149,6 +152,11 @@ impl<L: Line> LightMaster<L> {
     /// What was counted.
     pub fn counters(&self) -> Counters {
         self.counters
+    }
+
+    /// The octets of the last exchange on the wire: the request, and what came back.
+    pub fn last_exchange(&self) -> (&[u8], &[u8]) {
+        (&self.request[..self.last.0], &self.reply[..self.last.1])
     }
 
     /// The time on the bus.
@@ -190,6 +198,7 @@ impl<L: Line> LightMaster<L> {
             let is_whole = !damaged
                 && matches!(telegram::parse(&self.reply[..came]), Parsed::Complete(_, used) if used == came);
             last = Attempt { length: came, delay, is_whole };
+            self.last = (length, came);
             if is_whole {
                 break;
             }

@@ -280,6 +280,9 @@ impl Demo {
             if self.interrupted.load(Ordering::Relaxed) {
                 continue;
             }
+            let (request, answer) = self.master.last_exchange();
+            self.facts.request = request.to_vec();
+            self.facts.answer = answer.to_vec();
             self.screen.show(&self.facts);
             let due = begun + std::time::Duration::from_millis(frame * FRAME_MILLIS);
             std::thread::sleep(due.saturating_duration_since(std::time::Instant::now()));

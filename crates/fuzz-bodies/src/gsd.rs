@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use engineering::gsd::{judge, read};
+use engineering::gsd::judge;
+use gsd_reader::read;
 use master::gsd::Gsd;
 use profibus_dp::time::Baudrate;
 use sch108bex::specification::Variant;

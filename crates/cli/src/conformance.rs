@@ -173,7 +173,13 @@ impl Conformance {
         let mut runner =
             Runner::new(&known, rig, self.options()).map_err(|error| Failure::Failed(error.to_string()))?;
         let diagnosis = runner.identify().map_err(Failure::Failed)?;
-        let ident = u16::from_be_bytes([diagnosis[4], diagnosis[5]]);
+        let (owner, ident) = (diagnosis[3], u16::from_be_bytes([diagnosis[4], diagnosis[5]]));
+        if owner != 0xFF && !self.options().masters.contains(&owner) {
+            return Err(Failure::Failed(format!(
+                "master {owner} owns the slave at {}: end that master first, the tester needs the slave for itself",
+                self.address
+            )));
+        }
         if let Some(due) = device.ident.filter(|due| *due != ident) {
             return Err(Failure::Failed(format!(
                 "the slave at {} has ident number {ident:04X}, not {due:04X}: it is another device",

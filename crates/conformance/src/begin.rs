@@ -12,6 +12,8 @@ use crate::telegram::{Atom, Body, Fc, Piece, Service};
 const PATIENCE: usize = 50;
 /// Longer than an encoder takes to see its shaft again.
 const LATCH: Duration = Duration::from_millis(2);
+/// How often a slave that does not answer is asked again before the first case.
+const ATTEMPTS: usize = 3;
 /// The address of slaves as delivered.
 const DELIVERED: u8 = 126;
 
@@ -63,7 +65,14 @@ impl Runner<'_> {
     ///
     /// It does not answer, or the rig broke; as a sentence.
     pub fn identify(&mut self) -> Result<Vec<u8>, String> {
-        let learned = self.diagnosis();
+        // A slave that still searches its rate does not answer at once.
+        let mut learned = self.diagnosis();
+        for _ in 0..ATTEMPTS {
+            if !matches!(learned, Err(Stop::Fault(_))) {
+                break;
+            }
+            learned = self.diagnosis();
+        }
         self.fcb = [None; 2];
         self.records.clear();
         match learned {

@@ -6,6 +6,7 @@
 use std::fmt;
 use std::time::{Duration as Time, Instant as Moment};
 
+use bus::virtual_segment::idle_time;
 use bus::{End, Event, Written};
 use profibus_dp::time::{Baudrate, BitTimes, Duration};
 
@@ -42,6 +43,8 @@ pub struct PortRig {
     /// Octets that came when none were due.
     stray: Vec<u8>,
     damaged: bool,
+    /// When the last octet known of was, or will be, over on a line whose octets take time.
+    quiet: Moment,
     /// Controls that are not where they were.
     moved: Vec<Action>,
     /// The address of the beginning.
@@ -67,6 +70,7 @@ impl PortRig {
             there: false,
             stray: Vec::new(),
             damaged: false,
+            quiet: Moment::now(),
             moved: Vec::new(),
             address: None,
         }
@@ -92,6 +96,10 @@ impl PortRig {
         }
         if !self.there {
             self.somebody()?;
+        }
+        if !self.stream {
+            let bits = u32::try_from(octets.len()).unwrap_or(u32::MAX).saturating_mul(11);
+            self.quiet = self.quiet.max(Moment::now()) + Time::from(self.rate.duration(BitTimes(bits)));
         }
         let until = Moment::now() + TAKING;
         let mut rest = octets;
@@ -124,6 +132,7 @@ impl PortRig {
             Event::Octets(count) => {
                 self.there = true;
                 self.stray.extend_from_slice(&buffer[..count]);
+                self.quiet = self.quiet.max(Moment::now());
                 return Ok(true);
             }
             Event::Came(_) => self.there = true,
@@ -192,6 +201,11 @@ impl Rig for PortRig {
 
     fn send(&mut self, signals: &[Signal]) -> Result<(), RigError> {
         while self.take(Moment::now())? {}
+        if !self.stream {
+            // A request needs an idle line before it.
+            let idle = Time::from(self.rate.duration(idle_time(self.rate)));
+            std::thread::sleep((self.quiet + idle).saturating_duration_since(Moment::now()));
+        }
         let mut octets = Vec::new();
         for (at, signal) in signals.iter().enumerate() {
             match *signal {
@@ -202,6 +216,8 @@ impl Rig for PortRig {
                     }
                     octets.push(octet);
                 }
+                // On a line there are no reads, and a pause could end the telegram.
+                Signal::Read if !self.stream => {}
                 Signal::Read => {
                     self.write(&std::mem::take(&mut octets))?;
                     std::thread::sleep(READ);
@@ -209,7 +225,7 @@ impl Rig for PortRig {
                 Signal::Pause(bits) => {
                     self.write(&std::mem::take(&mut octets))?;
                     if bits >= BitTimes::SYN {
-                        std::thread::sleep(IDLE);
+                        std::thread::sleep(self.quiet.saturating_duration_since(Moment::now()) + IDLE);
                     }
                 }
             }
@@ -223,7 +239,7 @@ impl Rig for PortRig {
             Expect::Reply => self.patience.max(slots),
             Expect::Silence | Expect::Late => SILENCE.max(slots),
         };
-        let mut until = Moment::now() + first;
+        let mut until = self.quiet.max(Moment::now()) + first;
         loop {
             let whole = reply::length(&self.stray).is_some_and(|length| self.stray.len() >= length);
             if whole || Moment::now() >= until {

@@ -6,6 +6,8 @@ use std::net::{TcpListener, TcpStream};
 use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 
+use conformance::{Device, Options, Outcome, PortRig, Runner};
+use profibus_dp::time::{Baudrate, Duration};
 use serde_json::Value;
 
 /// `sch108bex run` while it runs.
@@ -154,24 +156,25 @@ fn the_parameters_of_a_gsd_are_used() {
     assert!(errors.contains("has ident number 108B, not 4711"), "{errors}");
 }
 
-/// A slave that answers Slave_Diag with six octets, and nothing else.
-fn poor_slave() -> String {
+/// A slave that answers Slave_Diag with six octets, and nothing else. `owner`: whose it is, FF nobody's.
+fn poor_slave(owner: u8) -> String {
     let listener = TcpListener::bind("127.0.0.1:0").expect("a port");
     let port = listener.local_addr().expect("an address").port();
     std::thread::spawn(move || {
         let (mut stream, _) = listener.accept().expect("a master");
         let mut telegram = [0; 256];
         while let Ok(count @ 1..) = stream.read(&mut telegram) {
-            answer(&mut stream, &telegram[..count]);
+            answer(&mut stream, &telegram[..count], owner);
         }
     });
     format!("tcp:127.0.0.1:{port}")
 }
 
-fn answer(stream: &mut TcpStream, request: &[u8]) {
-    let reply = [
+fn answer(stream: &mut TcpStream, request: &[u8], owner: u8) {
+    let mut reply = [
         0x68, 0x0B, 0x0B, 0x68, 0x82, 0x85, 0x08, 0x3E, 0x3C, 0x02, 0x05, 0x00, 0xFF, 0x12, 0x34, 0xD5, 0x16,
     ];
+    (reply[12], reply[15]) = (owner, 0xD6_u8.wrapping_add(owner));
     if request.get(7) == Some(&0x3C) {
         let _ = stream.write_all(&reply);
     }
@@ -179,7 +182,7 @@ fn answer(stream: &mut TcpStream, request: &[u8]) {
 
 #[test]
 fn a_slave_that_breaks_a_rule_is_told_and_ends_with_1() {
-    let port = poor_slave();
+    let port = poor_slave(0xFF);
     let output =
         conformance(&["--port", &port, "--profile", "dp-v0", "--patience", "50", "--case", "1", "2", "128"]);
     assert_eq!(output.status.code(), Some(1));
@@ -191,6 +194,34 @@ fn a_slave_that_breaks_a_rule_is_told_and_ends_with_1() {
     );
     assert!(printed.contains("Set_Prm, on the way\n             sent 68 "), "{printed}");
     assert!(errors.contains("cases failed: 1"), "{errors}");
+}
+
+#[test]
+fn a_slave_that_another_master_owns_is_left_alone() {
+    let output = conformance(&["--port", &poor_slave(7), "--case", "1"]);
+    assert_eq!(output.status.code(), Some(1));
+    let errors = text(&output.stderr);
+    assert!(errors.contains("master 7 owns the slave at 5: end that master first"), "{errors}");
+    assert!(output.stdout.is_empty(), "no case was tried");
+}
+
+// A real serial device is a line: octets take time, and a pause ends a telegram.
+#[test]
+fn a_line_is_given_its_times() {
+    let encoder = Encoder::run(&[]);
+    let port = encoder.port.parse().expect("a port");
+    let end = bus::port::open_for_master(&port, Baudrate::B9600, Duration::from_secs(5)).expect("an end");
+    let mut rig = PortRig::new(end, Baudrate::B9600, false);
+    let device = Device { ident: Some(0x108B), ..Device::encoder(5, 16, 15) };
+    let options = Options { rate: Baudrate::B9600, ..Options::default() };
+    let mut runner = Runner::new(&device, &mut rig, options).expect("a mode");
+    // The longest telegram, one in two reads, and a silence: at 9600 bit/s 255 octets take 292 ms.
+    for (id, least) in [("10", 0.292), ("18", 0.1), ("2", 0.0)] {
+        let case = conformance::cases().iter().find(|case| case.id == id).expect("the case");
+        let result = runner.run(case).expect("the port works");
+        assert_eq!(result.outcome, Outcome::Pass, "case {id}: {}", result.reason);
+        assert!(result.seconds >= least, "case {id} took {} s", result.seconds);
+    }
 }
 
 #[test]

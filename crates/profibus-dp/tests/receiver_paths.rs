@@ -84,6 +84,20 @@ fn octets() -> impl Strategy<Value = Vec<u8>> {
     ]
 }
 
+/// How long a telegram is that these octets would begin, if anything tells that they do not.
+fn claimed(octets: &[u8]) -> usize {
+    match *octets {
+        [0xE5, ..] => 1,
+        [0xDC, ..] => 3,
+        [0x10, ..] => 6,
+        [0xA2, ..] => 14,
+        [0x68] | [0x68, _] => 4,
+        [0x68, le, ler] if le == ler && (4..=249).contains(&le) => 4,
+        [0x68, le, ler, 0x68, ..] if le == ler && (4..=249).contains(&le) => usize::from(le) + 6,
+        _ => 0,
+    }
+}
+
 /// Idle times that matter: none, just not idle, idle, long.
 fn idle() -> impl Strategy<Value = u32> {
     prop_oneof![Just(0u32), 1u32..33, 34u32..60, Just(10_000)]
@@ -119,6 +133,89 @@ proptest! {
             texts(piece_by_piece(ReceiverMode::Stream, &pieces).0),
             texts(piece_by_piece(ReceiverMode::Stream, &whole).0)
         );
+    }
+
+    // Without a pause only what a false header overlaps is lost: telegrams that begin where no false
+    // header before them reaches are heard, all of them.
+    #[test]
+    fn a_stream_loses_at_most_what_a_false_header_overlaps(
+        garbage in proptest::collection::vec(prop_oneof![Just(0x68u8), Just(0x04), Just(0x10), Just(0xA2), Just(0xDC), Just(0xE5), any::<u8>()], 0..30),
+        telegrams in proptest::collection::vec(good_telegram(), 1..12),
+        cuts in proptest::collection::vec(any::<prop::sample::Index>(), 0..4),
+    ) {
+        let mut all = garbage.clone();
+        let mut starts = Vec::new();
+        for telegram in &telegrams {
+            starts.push(all.len());
+            all.extend(telegram);
+        }
+        // Octets before this one may be lost with a false header.
+        let mut lost = garbage.len();
+        let mut at = 0;
+        while at < all.len() && !(starts.contains(&at) && at >= lost) {
+            lost = lost.max(at + claimed(&all[at..]));
+            at += 1;
+        }
+        let safe = starts.iter().position(|start| *start >= at).unwrap_or(telegrams.len());
+        let mut ends: Vec<usize> = cuts.iter().map(|cut| cut.index(all.len() + 1)).chain([all.len()]).collect();
+        ends.sort_unstable();
+        let begins = [0].into_iter().chain(ends.iter().copied());
+        let pieces: Vec<_> = begins.zip(&ends).map(|(begin, end)| (0, all[begin..*end].to_vec())).collect();
+        let (heard, _) = piece_by_piece(ReceiverMode::Stream, &pieces);
+        let (alone, _) = piece_by_piece(ReceiverMode::Stream, &[(0, telegrams[safe..].concat())]);
+        let texts = |heard: &Heard| heard.iter().map(|(_, text)| text.clone()).collect::<Vec<_>>();
+        let (heard, alone) = (texts(&heard), texts(&alone));
+        prop_assert!(heard.ends_with(&alone), "{heard:?} has to end with {alone:?}; telegram {safe} at {at}");
+    }
+
+    // Garbage before a telegram and between two, each followed by a pause: nothing is lost.
+    #[test]
+    fn garbage_followed_by_a_pause_loses_nothing(
+        parts in proptest::collection::vec((proptest::collection::vec(any::<u8>(), 0..60), good_telegram()), 1..6),
+    ) {
+        for mode in [ReceiverMode::Idle, ReceiverMode::Stream] {
+            let pieces: Vec<_> = parts.iter().flat_map(|(garbage, telegram)| {
+                [(10_000, garbage.clone()), (10_000, telegram.clone())]
+            }).collect();
+            let (heard, _) = piece_by_piece(mode, &pieces);
+            let clean: Vec<_> = parts.iter().map(|(_, telegram)| (10_000, telegram.clone())).collect();
+            let (due, _) = piece_by_piece(mode, &clean);
+            let mut left = heard.iter().map(|(_, text)| text);
+            for (_, text) in &due {
+                prop_assert!(left.any(|heard| heard == text), "{mode:?}: {text} was lost");
+            }
+        }
+    }
+
+    // The octet path, the slice path and characters with errors between them.
+    #[test]
+    fn characters_with_errors_make_no_difference_between_the_paths(
+        pieces in proptest::collection::vec((idle(), octets(), any::<bool>()), 0..8),
+    ) {
+        let mut receivers = [Receiver::new(ReceiverMode::Idle, RATE), Receiver::new(ReceiverMode::Idle, RATE)];
+        let mut heard = [Heard::new(), Heard::new()];
+        let mut now = Instant::from_millis(1);
+        for (idle, octets, error) in &pieces {
+            now += RATE.duration(BitTimes(*idle));
+            let begin = now;
+            for &octet in octets {
+                now += character();
+                if let Some(telegram) = receivers[0].octet(now, octet) {
+                    note(&mut heard[0], now, &telegram);
+                }
+            }
+            if !octets.is_empty() {
+                prop_assert_eq!(now, begin + RATE.duration(BitTimes(11 * octets.len() as u32)));
+                receivers[1].receive(now, octets, |end, telegram| note(&mut heard[1], end, telegram));
+            }
+            if *error {
+                now += character();
+                for receiver in &mut receivers {
+                    receiver.line_error(now);
+                }
+            }
+        }
+        prop_assert_eq!(&heard[0], &heard[1]);
     }
 
     // Bad input: after any octets and a pause the next good telegram is heard.

@@ -1,6 +1,7 @@
 //! The model against the product: random dialogues, and each cell of state x service reached.
 
 mod services;
+mod splits;
 mod twin;
 
 use std::cell::RefCell;

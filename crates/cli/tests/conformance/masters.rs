@@ -63,6 +63,8 @@ fn profirust(prm: &str, cfg: &str, inputs: usize) {
     let output = Command::new(env!("CARGO_BIN_EXE_sch108bex"))
         .args(["master", "--port", &encoder.port, "--address", "5", "--json", "run"])
         .args(["--prm", prm, "--cfg", cfg, "--seconds", &seconds().to_string()])
+        // Longer than a busy computer may keep the master from running.
+        .args(["--watchdog", "10000"])
         .stdin(Stdio::null())
         .output()
         .expect("the program runs");

@@ -34,7 +34,8 @@ pub(crate) struct Ctl {
 /// What can be asked for.
 #[derive(Debug, Subcommand)]
 enum Command {
-    /// Another movement of the shaft: still@RAW or constant:RPM[@RAW]; @here goes on from where it is
+    /// Another movement of the shaft: still@RAW, constant:RPM[@RAW] or another kind (see docs/shafts.md);
+    /// @here goes on from where it is
     Shaft {
         #[arg(allow_hyphen_values = true)]
         shaft: String,

@@ -80,8 +80,8 @@ pub(crate) struct Run {
     /// Start as delivered; a state file that is there is kept with .bad at its end
     #[arg(long, requires = "state")]
     reset_state: bool,
-    /// What turns the shaft: `still@RAW` or `constant:RPM[@RAW]`, RAW in physical counts, RPM positive
-    /// clockwise
+    /// What turns the shaft: `still@RAW`, `constant:RPM[@RAW]` (RAW in physical counts, RPM positive
+    /// clockwise) or another kind with its values, such as `ramp:to_rpm=60:over_s=10` (see docs/shafts.md)
     #[arg(long, default_value = "still@0", value_name = "SHAFT", allow_hyphen_values = true)]
     shaft: Shaft,
     /// Supply voltage; below 6 V and with reversed poles the encoder is off
@@ -278,7 +278,7 @@ impl Run {
             serial_number: own.parsed(Key::Serial).map_err(Failure::Usage)?.unwrap_or(self.serial),
             switches: own.parsed(Key::Switches).map_err(Failure::Usage)?.unwrap_or(self.switches),
         };
-        let shaft = own.parsed(Key::Shaft).map_err(Failure::Usage)?.unwrap_or(self.shaft);
+        let shaft = own.parsed(Key::Shaft).map_err(Failure::Usage)?.unwrap_or_else(|| self.shaft.clone());
         let option = if own.pairs.is_empty() { "--shaft" } else { "--encoder: shaft" };
         shaft.check(identity.variant).map_err(|error| Failure::Usage(format!("{option}: {error}")))?;
         if own.get(Key::State) == Some("") {

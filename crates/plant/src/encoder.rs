@@ -121,7 +121,7 @@ impl EncoderStation {
 
     /// The shaft begins its movement at `now`.
     pub fn start_shaft(&mut self, now: Instant) {
-        self.set_shaft(now, self.setup.shaft.started(now));
+        self.set_shaft(now, self.setup.shaft.clone().started(now));
     }
 
     /// Another world, from `now` on. Too little supply takes the power away, enough gives it back.
@@ -175,7 +175,7 @@ impl EncoderStation {
             identity,
             switches: identity.switches,
             world: self.setup.world,
-            shaft: self.setup.shaft,
+            shaft: self.setup.shaft.clone(),
             shaft_position: self.setup.shaft.at(now, identity.variant),
             injected: self.injected,
             counters: self.counters,

@@ -6,6 +6,7 @@ use bus::{Control, Segment};
 use profibus_dp::time::Instant;
 use sch108bex::specification::Variant;
 
+use crate::control::Couplings;
 use crate::encoder::EncoderStation;
 use crate::plant::{Command, PlantError};
 use crate::snapshot::{PlantSnapshot, SegmentSnapshot};
@@ -15,6 +16,7 @@ use crate::snapshot::{PlantSnapshot, SegmentSnapshot};
 #[derive(Debug, Clone)]
 pub struct Handle {
     places: Arc<[Place]>,
+    couplings: Couplings,
 }
 
 /// A segment as a handle knows it.
@@ -42,8 +44,12 @@ pub(crate) struct Found<'a> {
 }
 
 impl Handle {
-    pub(crate) fn new(places: impl Iterator<Item = Place>) -> Self {
-        Self { places: places.collect() }
+    pub(crate) fn new(places: impl Iterator<Item = Place>, couplings: Couplings) -> Self {
+        Self { places: places.collect(), couplings }
+    }
+
+    pub(crate) fn couplings(&self) -> &Couplings {
+        &self.couplings
     }
 
     pub(crate) fn places(&self) -> &[Place] {

@@ -13,6 +13,7 @@
 pub mod control;
 pub mod encoder;
 pub mod handle;
+pub mod machine;
 pub mod plant;
 pub mod report;
 pub mod shaft;
@@ -22,9 +23,10 @@ pub mod world;
 
 pub use encoder::{EncoderSetup, EncoderStation, Rate};
 pub use handle::Handle;
+pub use machine::{Drum, Machine};
 pub use plant::{Plant, PlantError, SegmentSetup};
 pub use report::{Report, Reporter, What};
-pub use shaft::{Shaft, ShaftError};
+pub use shaft::{Coupling, Shaft, ShaftError, ShaftFields, ShaftKind};
 pub use snapshot::{DeviceSnapshot, PlantSnapshot, Snapshot};
 pub use store::{Store, StoreError};
 pub use world::World;

@@ -9,6 +9,7 @@ use bus::{End, EndError, Handler, News, Segment, Settings, WallClock};
 
 use profibus_dp::time::Instant;
 
+use crate::control::Couplings;
 use crate::encoder::{EncoderSetup, EncoderStation};
 use crate::handle::{Handle, Known, Place};
 use crate::report::{Report, Reporter, What};
@@ -68,6 +69,8 @@ pub(crate) type Work = Box<dyn FnOnce(&mut Segment<EncoderStation>) + Send>;
 #[derive(Debug, Default)]
 pub struct Plant {
     segments: Vec<Running>,
+    /// Shafts that others drive, for all handles.
+    couplings: Couplings,
 }
 
 #[derive(Debug)]
@@ -131,7 +134,7 @@ impl Plant {
 
     /// A hand for other threads on the segments that there are now.
     pub fn handle(&self) -> Handle {
-        Handle::new(self.segments.iter().map(|segment| segment.place.clone()))
+        Handle::new(self.segments.iter().map(|segment| segment.place.clone()), self.couplings.clone())
     }
 
     /// What a user opens to get to each segment.

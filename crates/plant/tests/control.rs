@@ -274,7 +274,7 @@ fn a_value_that_is_none_changes_nothing_and_is_told() {
         (r#"{"do":"shaft","shaft":"turning"}"#, "write still@RAW"),
         (r#"{"do":"shaft","shaft":"still@5@here"}"#, "write still@RAW"),
         (r#"{"do":"shaft","shaft":"still@2147483648"}"#, "0 to 2147483647"),
-        (r#"{"do":"shaft","shaft":{"kind":"constant"}}"#, "constant without rpm"),
+        (r#"{"do":"shaft","shaft":{"kind":"constant"}}"#, "it needs rpm"),
         (r#"{"do":"shaft","shaft":{"kind":"constant","rpm":1e9}}"#, "is no speed"),
         (r#"{"do":"line","lost_replies":1.5}"#, "a number from 0 to 1"),
         (r#"{"do":"line","late_replies":1,"late_by_us":10000001}"#, "10 s at most"),

@@ -236,7 +236,7 @@ fn plant(shafts: &[Shaft]) -> (Plant, MemoryEnd, Receiver<Report>) {
     let (to, reports) = mpsc::channel();
     let mut plant = Plant::new();
     let encoders = (11..).zip(shafts).map(|(address, shaft)| {
-        let (mut setup, _) = setup(address, *shaft);
+        let (mut setup, _) = setup(address, shaft.clone());
         setup.reporter = Reporter::new(&format!("at {address}"), Some(to.clone()));
         setup
     });

@@ -11,9 +11,9 @@ use crate::control::check::{ControlError, numbered, parsed_mask, parsed_switches
 use crate::control::commands::{COMMANDS, CommandHelp};
 use crate::control::request::Request;
 use crate::control::target::Which;
-use crate::control::values::{BatteryState, Light, MemoryFault, Power, SensorFault, ShaftSpec};
+use crate::control::values::{BatteryState, Light, MemoryFault, Power, SensorFault};
 use crate::encoder::EncoderStation;
-use crate::handle::{Found, Handle};
+use crate::handle::Handle;
 use crate::snapshot::{PlantSnapshot, Snapshot};
 use crate::store::StoreError;
 use crate::world::World;
@@ -155,23 +155,6 @@ impl Handle {
             _ => return Ok(()),
         };
         self.with_segments(segment.as_ref(), move |segment| fault.store(segment.faults_mut(), count))
-    }
-
-    fn set_shaft(&self, encoder: Option<&Which>, shaft: &ShaftSpec) -> Result<(), ControlError> {
-        let (shaft, from_here) = shaft.resolve()?;
-        let set = |found: &Found<'_>| {
-            if !from_here {
-                shaft.check(found.variant)?;
-            }
-            Ok(move |station: &mut EncoderStation, now: Instant| {
-                if from_here {
-                    station.set_shaft_from_here(now, shaft);
-                } else {
-                    station.set_shaft(now, shaft.started(now));
-                }
-            })
-        };
-        self.each(encoder, set).map(drop)
     }
 
     fn change_world(

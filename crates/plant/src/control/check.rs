@@ -71,6 +71,7 @@ impl Request {
 
     fn check_values(&self) -> Result<(), ControlError> {
         match self {
+            Self::Shaft { shaft, .. } if shaft.coupling()?.is_some() => Ok(()),
             Self::Shaft { shaft, .. } => Ok(shaft.resolve().map(drop)?),
             Self::Supply { volts, .. } => within("volts", *volts, -100.0..=100.0),
             Self::Temperature { celsius, .. } => within("celsius", *celsius, -300.0..=300.0),

@@ -24,7 +24,7 @@ const fn command(name: &'static str, does: &'static str, example: &'static str) 
 pub const COMMANDS: &[CommandHelp] = &[
     command(
         "shaft",
-        "another movement of the shaft: still@RAW or constant:RPM[@RAW], @here for where it is; or fields kind, rpm, raw",
+        "another movement of the shaft: still@RAW, constant:RPM[@RAW] or KIND:NAME=VALUE with ramp, sine, move, hoist, trip, walk, playback, coupled, @here for where it is; or the same in fields",
         r#"{"do":"shaft","shaft":"constant:60@here"}"#,
     ),
     command(

@@ -20,7 +20,7 @@ pub enum Which {
 
 impl Which {
     /// Whether everybody is meant.
-    pub(super) fn is_all(&self) -> bool {
+    pub(crate) fn is_all(&self) -> bool {
         matches!(self, Self::Name(name) if name == "all")
     }
 }
@@ -70,7 +70,11 @@ impl Handle {
 }
 
 /// The numbers, from 0, of those that are meant.
-fn chosen(what: &'static str, which: Option<&Which>, names: &[&str]) -> Result<Vec<usize>, ControlError> {
+pub(super) fn chosen(
+    what: &'static str,
+    which: Option<&Which>,
+    names: &[&str],
+) -> Result<Vec<usize>, ControlError> {
     /// More names would make no sentence.
     const NAMED: usize = 16;
     let there = || match names {

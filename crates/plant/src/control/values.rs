@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::shaft::{Shaft, ShaftError};
+use crate::shaft::{Coupling, Shaft, ShaftError, ShaftFields};
 
 /// The movement of a shaft.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -14,29 +14,7 @@ pub enum ShaftSpec {
     /// As `run --shaft` has it; `@here` goes on from where the shaft is.
     Text(String),
     /// In fields.
-    Fields(ShaftFields),
-}
-
-/// The movement of a shaft in fields.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ShaftFields {
-    /// Which.
-    pub kind: ShaftKind,
-    /// Revolutions per minute, positive clockwise; only with `constant`.
-    pub rpm: Option<f64>,
-    /// The position in physical counts at which it begins; left out: where it is.
-    pub raw: Option<i64>,
-}
-
-/// The kinds of movement.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum ShaftKind {
-    /// It stands still.
-    Still,
-    /// It turns at constant speed.
-    Constant,
+    Fields(Box<ShaftFields>),
 }
 
 /// The light of the LED.
@@ -110,29 +88,32 @@ impl ShaftSpec {
     ///
     /// # Errors
     ///
-    /// What cannot be read.
+    /// What cannot be read, and a coupled shaft: see [`coupling`](Self::coupling).
     pub fn resolve(&self) -> Result<(Shaft, bool), ShaftError> {
+        let (fields, here) = self.fields()?;
+        Ok((Shaft::try_from(&fields)?, here))
+    }
+
+    /// What drives a coupled shaft; `None` for another kind.
+    ///
+    /// # Errors
+    ///
+    /// What cannot be read.
+    pub fn coupling(&self) -> Result<Option<Coupling>, ShaftError> {
+        self.fields()?.0.coupling()
+    }
+
+    /// The fields, and whether it begins where the shaft is: left out, that is so in fields, while a text
+    /// begins at 0.
+    pub(super) fn fields(&self) -> Result<(ShaftFields, bool), ShaftError> {
         match self {
             Self::Text(text) => match text.strip_suffix("@here") {
                 // A position of its own and this one too: neither is meant.
                 Some(kind) if kind.contains('@') => Err(ShaftError::Form(text.clone())),
-                Some(kind) => Ok((kind.parse()?, true)),
-                None => Ok((text.parse()?, false)),
+                Some(kind) => Ok((ShaftFields::parse(kind)?, true)),
+                None => Ok((ShaftFields::parse(text)?, false)),
             },
-            Self::Fields(ShaftFields { kind, rpm, raw }) => {
-                let from = raw.unwrap_or(0);
-                let shaft = match (kind, rpm) {
-                    (ShaftKind::Still, None) => Shaft::still(from),
-                    (ShaftKind::Constant, Some(rpm)) => format!("constant:{rpm}@{from}").parse()?,
-                    (ShaftKind::Still, Some(rpm)) => {
-                        return Err(ShaftError::Form(format!("still at {rpm} RPM")));
-                    }
-                    (ShaftKind::Constant, None) => {
-                        return Err(ShaftError::Form("constant without rpm".to_owned()));
-                    }
-                };
-                Ok((shaft, raw.is_none()))
-            }
+            Self::Fields(fields) => Ok((fields.as_ref().clone(), fields.raw.is_none())),
         }
     }
 }

@@ -6,7 +6,7 @@ use sch108bex::nonvolatile::Record;
 use serde::Serialize;
 
 use super::EncoderStation;
-use crate::shaft::Shaft;
+use crate::shaft::{Coupling, Shaft};
 use crate::store::StoreError;
 
 /// What is wrong with an encoder because somebody asked for it.
@@ -147,5 +147,23 @@ impl EncoderStation {
     pub fn set_shaft_from_here(&mut self, now: Instant, shaft: Shaft) {
         let here = self.setup.shaft.at(now, self.setup.identity.variant);
         self.set_shaft(now, shaft.from(here).started(now));
+    }
+
+    /// What turns it.
+    pub fn shaft(&self) -> &Shaft {
+        &self.setup.shaft
+    }
+
+    /// From now on another shaft drives this one through a gear.
+    pub fn couple(&mut self, now: Instant, drive: &Shaft, coupling: &Coupling) {
+        let variant = self.setup.identity.variant;
+        let here = self.setup.shaft.at(now, variant);
+        self.set_shaft(now, drive.geared(coupling, now, here, variant));
+    }
+
+    /// The shaft jumps to a physical position, and moves on from there as it does.
+    pub fn move_shaft_to(&mut self, now: Instant, raw: i64) {
+        self.latch(now);
+        self.setup.shaft.at_once(now, raw, self.setup.identity.variant);
     }
 }

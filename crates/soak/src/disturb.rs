@@ -47,7 +47,7 @@ pub(crate) fn disturb(
         0..=34 => {
             let shaft =
                 Shaft::constant(rpm(chance), encoder.truth.shaft().at(now, encoder.truth.variant), now);
-            station.set_shaft(now, shaft);
+            station.set_shaft(now, shaft.clone());
             encoder.truth.set_shaft(now, shaft);
             counts.shafts += 1;
         }

@@ -43,9 +43,9 @@ pub(crate) fn build(options: &Options, chance: &mut Chance) -> (VirtualSegment<S
             .then(|| (10 + u8::try_from(chance.below(90)).expect("below 90"), 1 + u8::from(chance.is(2))));
         let watchdog = factors.map(|(one, two)| Duration::from_millis(10 * u64::from(one) * u64::from(two)));
         let owner = MASTERS[at % MASTERS.len()];
-        let setup = setup(at, address, variant, shaft, options);
+        let setup = setup(at, address, variant, shaft.clone(), options);
         let shadow = has_shadow(at, options.shadows)
-            .then(|| Shadow::new(Instant::ZERO, setup.identity, options.rate, shaft, setup.world));
+            .then(|| Shadow::new(Instant::ZERO, setup.identity, options.rate, shaft.clone(), setup.world));
         let world = setup.world;
         segment.add(SoakStation::new(Instant::ZERO, setup, shadow, owner, watchdog));
         encoders.push(Encoder {

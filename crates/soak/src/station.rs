@@ -53,7 +53,7 @@ impl SoakStation {
     }
 
     pub(crate) fn set_shaft(&mut self, now: Instant, shaft: Shaft) {
-        self.inner.set_shaft(now, shaft);
+        self.inner.set_shaft(now, shaft.clone());
         if let Some(shadow) = &mut self.shadow {
             shadow.set_shaft(now, shaft);
         }

@@ -62,7 +62,7 @@ impl Offsets {
 
 impl Truth {
     pub(crate) fn new(variant: Variant, scale: Scale, power_on: Instant, shaft: Shaft, world: World) -> Self {
-        let before = (shaft, power_on);
+        let before = (shaft.clone(), power_on);
         Self { variant, scale, power_on, shaft, before, offsets: Offsets::NONE, world, supply_back: None }
     }
 
@@ -73,21 +73,20 @@ impl Truth {
     }
 
     pub(crate) fn shaft(&self) -> Shaft {
-        self.shaft
+        self.shaft.clone()
     }
 
     pub(crate) fn set_shaft(&mut self, now: Instant, shaft: Shaft) {
-        self.before = (self.shaft, now);
-        self.shaft = shaft;
+        self.before = (std::mem::replace(&mut self.shaft, shaft), now);
     }
 
     /// The scaled position of the newest latch, without offset.
     pub(crate) fn scaled(&self, now: Instant) -> i64 {
         let latch = self.latch(now);
         // What was latched at the very instant of the change was the shaft before.
-        let shaft = if latch <= self.before.1 { self.before.0 } else { self.shaft };
+        let shaft = if latch <= self.before.1 { &self.before.0 } else { &self.shaft };
         let total = u64::from(self.variant.total());
-        let counts = shaft.at(latch, self.variant).cast_unsigned() & (total - 1);
+        let counts = shaft.clone().at(latch, self.variant).cast_unsigned() & (total - 1);
         let directed = if self.scale.counter_clockwise { (total - counts) & (total - 1) } else { counts };
         let scaled = (directed * u64::from(self.scale.units)) >> self.variant.singleturn_bits();
         scaled.cast_signed()
@@ -131,7 +130,7 @@ impl Truth {
 
     pub(crate) fn set_power_on(&mut self, now: Instant) {
         self.power_on = now;
-        self.before = (self.shaft, now);
+        self.before = (self.shaft.clone(), now);
         self.supply_back = None;
     }
 

@@ -8,6 +8,7 @@ use ::master::commissioning::{Asked, Bus, Life, RealBus};
 use ::master::{Commissioner, Gsd, MasterSettings, Parameters, Service, SlaveSettings, Watchdog};
 use clap::Args;
 use profibus_dp::time::{Duration, Instant};
+use profibus_dp::wire::StandardDiagnosis;
 use profibus_dp::wire::chk_cfg::Lengths;
 use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
@@ -235,7 +236,13 @@ impl Seen {
         match event {
             Life::Exchanged => self.exchanged(master, commissioner, now, begun),
             Life::ParametersRefused | Life::ConfigurationRefused => {
-                return Err(refused(master, commissioner, slave, event));
+                if let Some(failure) = refused(master, commissioner, slave, event) {
+                    return Err(failure);
+                }
+                // Its watchdog expired between Set_Prm and Chk_Cfg, say: it is given both again.
+                tell(master, &json!({"event": "has no parameters any more", "address": slave}), || {
+                    format!("station {slave} has no parameters any more, and gets them again")
+                });
             }
             Life::Diagnosis => diagnosis(master, commissioner, slave),
             Life::Online | Life::Configured | Life::Offline => {
@@ -322,15 +329,26 @@ fn diagnosis(master: &Master, commissioner: &mut Commissioner<'_, RealBus>, slav
     tell(master, &document, || format!("diagnosis {}", words::text(&octets, &fields)));
 }
 
-/// Why a slave does not go on, as far as it says so.
-fn refused(master: &Master, commissioner: &mut Commissioner<'_, RealBus>, slave: u8, event: Life) -> Failure {
+/// Why a slave does not go on, as far as it says so; `None`: it has no fault to tell of.
+fn refused(
+    master: &Master,
+    commissioner: &mut Commissioner<'_, RealBus>,
+    slave: u8,
+    event: Life,
+) -> Option<Failure> {
     let asked = Asked { slave, service: Service::SlaveDiag, data: Vec::new() };
     let outcome = commissioner.ask_within(Duration::from_secs(2), asked);
     if let Ok(Some(::master::commissioning::Outcome::Answer(_, octets))) = outcome {
+        let faults = StandardDiagnosis::parse(&octets);
+        if faults.is_some_and(|faults| !(faults.prm_fault || faults.cfg_fault || faults.not_supported)) {
+            return None;
+        }
         let fields = words::fields(slave, master.own_address, words::SLAVE_DIAG, &octets);
         eprintln!("{}", words::text(&octets, &fields));
     }
-    Failure::Failed(format!("station {slave} {event}; compare them with its manual, or with its GSD file"))
+    Some(Failure::Failed(format!(
+        "station {slave} {event}; compare them with its manual, or with its GSD file"
+    )))
 }
 
 fn lengths(cfg: &[u8]) -> Result<Lengths, Failure> {

@@ -11,6 +11,7 @@ mod ctl;
 mod damaged_state;
 mod demo;
 mod driver;
+mod forgetful;
 mod kill;
 mod master;
 mod pyprofibus;

@@ -1,6 +1,7 @@
 //! Values on the command line, each with an error that says what to write instead.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::str::FromStr;
 
@@ -31,6 +32,26 @@ impl FromStr for Baud {
             format!("PROFIBUS has these rates: {}; or write auto", rates.join(", "))
         })
     }
+}
+
+/// A whole number in decimal digits within `range`, as a parser for `clap`.
+pub(crate) fn whole<T: TryFrom<u64>>(
+    range: RangeInclusive<u64>,
+) -> impl Fn(&str) -> Result<T, String> + Clone {
+    move |text| {
+        let number = text.parse().ok().filter(|number| range.contains(number));
+        number
+            .and_then(|number| T::try_from(number).ok())
+            .ok_or_else(|| format!("write a whole number from {} to {}", range.start(), range.end()))
+    }
+}
+
+/// Any number, in decimal digits.
+pub(crate) fn decimal(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|number: &f64| number.is_finite())
+        .ok_or_else(|| "write a number like 8.5".to_owned())
 }
 
 /// An ident number as 0xHHHH.
@@ -166,18 +187,26 @@ impl FromStr for Further {
             let (key, value) = pair.split_once('=')?;
             Some((<Key as ValueEnum>::from_str(key, false).ok()?, value.to_owned()))
         });
-        pairs.collect::<Option<Vec<_>>>().map(|pairs| Self { pairs }).ok_or_else(|| {
+        let pairs = pairs.collect::<Option<Vec<_>>>().ok_or_else(|| {
             "write KEY=VALUE pairs with commas between; keys are switches, bits, serial, state, shaft, termination, \
              like switches=2B,shaft=still@1000"
                 .to_owned()
-        })
+        })?;
+        let twice =
+            |(at, (key, _)): &(usize, &(Key, _))| pairs.iter().take(*at).any(|(other, _)| other == key);
+        match pairs.iter().enumerate().find(twice) {
+            Some((_, (key, _))) => {
+                Err(format!("{key} is there twice; write it once, and --encoder again for one more encoder"))
+            }
+            None => Ok(Self { pairs }),
+        }
     }
 }
 
 impl Further {
-    /// The value of a key, the last one if it is there twice.
+    /// The value of a key.
     pub(crate) fn get(&self, key: Key) -> Option<&str> {
-        self.pairs.iter().rev().find(|(other, _)| *other == key).map(|(_, value)| value.as_str())
+        self.pairs.iter().find(|(other, _)| *other == key).map(|(_, value)| value.as_str())
     }
 
     /// The value of `key` as a type with an error that explains itself.
@@ -207,6 +236,18 @@ mod tests {
     }
 
     #[test]
+    fn whole_numbers_have_both_their_bounds() {
+        let address = whole::<u8>(1..=126);
+        assert_eq!((address("1"), address("126")), (Ok(1), Ok(126)));
+        for text in ["0", "127", "300", "-1", "1.5", "0x10", "", " 1", "99999999999999999999999"] {
+            assert_eq!(address(text), Err("write a whole number from 1 to 126".to_owned()), "{text}");
+        }
+        for text in ["nan", "inf", "", "abc", "1e999"] {
+            assert!(decimal(text).is_err(), "{text}");
+        }
+    }
+
+    #[test]
     fn volts_and_degrees_are_kept_exactly() {
         assert_eq!(supply_mv("24"), Ok(24_000));
         assert_eq!(supply_mv("8.999"), Ok(8_999));
@@ -224,6 +265,8 @@ mod tests {
         assert_eq!(further.get(Key::Bits), None);
         assert!("switches".parse::<Further>().is_err());
         assert!("colour=red".parse::<Further>().is_err());
+        let twice = "switches=06,bits=12x12,switches=07".parse::<Further>().expect_err("which of the two?");
+        assert!(twice.starts_with("switches is there twice"), "{twice}");
         let bad: Further = "bits=99x1".parse().expect("pairs");
         let error = bad.parsed::<sch108bex::specification::Variant>(Key::Bits).expect_err("too many bits");
         assert!(error.contains("bits=99x1"), "{error}");

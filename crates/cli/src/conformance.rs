@@ -15,7 +15,7 @@ use conformance::{
 };
 use profibus_dp::time::{Baudrate, Duration};
 
-use crate::arguments::ident_number;
+use crate::arguments::{ident_number, whole};
 use crate::{Failure, output};
 use device::{described, facts};
 use progress::Progress;
@@ -33,7 +33,7 @@ pub(crate) struct Conformance {
     #[arg(long, value_name = "PORT", required_unless_present = "list")]
     port: Option<PortAddress>,
     /// The slave's station address
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u8).range(0..=125))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole::<u8>(0..=125), allow_negative_numbers = true)]
     address: u8,
     /// The rate of the bus, where the port has one
     #[arg(long, value_name = "RATE", default_value = "500000", value_parser = rate)]
@@ -56,11 +56,11 @@ pub(crate) struct Conformance {
     /// The control socket of the `sch108bex run --control PATH` that is tested
     #[arg(long, value_name = "PATH")]
     control: Option<PathBuf>,
-    /// The encoder that is tested, where the control socket has several
+    /// The encoder that is tested, by name or by number from 1, where the control socket has several
     #[arg(long, value_name = "NAME", requires = "control")]
     encoder: Option<String>,
     /// How long a reply may take at most, in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = clap::value_parser!(u64).range(1..=60_000))]
+    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = whole::<u64>(1..=60_000), allow_negative_numbers = true)]
     patience: u64,
     /// Requests with low priority, wherever a case does not say otherwise
     #[arg(long)]
@@ -68,7 +68,7 @@ pub(crate) struct Conformance {
     /// One line for each case that passes
     #[arg(long)]
     brief: bool,
-    /// The results as one JSON document on standard output
+    /// The results, or the table of --list, as one JSON document on standard output
     #[arg(long)]
     json: bool,
     /// The results as JUnit XML, for build servers
@@ -77,7 +77,7 @@ pub(crate) struct Conformance {
     /// The results as one HTML file
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print the table of all cases, and try none
+    /// Print the table of the cases, and try none
     #[arg(long)]
     list: bool,
 }
@@ -104,7 +104,7 @@ impl Conformance {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let cases = self.chosen()?;
         if self.list {
-            output::line(&report::list(&cases));
+            output::line(&if self.json { report::list_json(&cases) } else { report::list(&cases) });
             return Ok(());
         }
         let Some(port) = &self.port else {

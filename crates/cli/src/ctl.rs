@@ -10,6 +10,7 @@ use plant::control::{Envelope, Request};
 use serde_json::{Map, Value, json};
 
 use crate::Failure;
+use crate::arguments::{decimal, whole};
 use crate::output;
 use connection::Connection;
 
@@ -42,12 +43,12 @@ enum Command {
     },
     /// Another supply voltage: alarm outside 9 to 30 V, off below 6 V
     Supply {
-        #[arg(allow_negative_numbers = true)]
+        #[arg(value_parser = decimal, allow_negative_numbers = true)]
         volts: f64,
     },
     /// Another temperature inside: warning above 65 degrees Celsius
     Temperature {
-        #[arg(allow_negative_numbers = true)]
+        #[arg(value_parser = decimal, allow_negative_numbers = true)]
         celsius: f64,
     },
     /// The light of the LED
@@ -82,7 +83,7 @@ enum Command {
     },
     /// The operating time that is stored, while the power is off
     OperatingTime {
-        #[arg(allow_negative_numbers = true)]
+        #[arg(value_parser = decimal, allow_negative_numbers = true)]
         hours: f64,
     },
     /// What goes wrong on the line by chance, like seed=7 lost_replies=0.01; off for a quiet line
@@ -94,34 +95,36 @@ enum Command {
     },
     /// Nobody hears the next requests
     LoseRequests {
-        #[arg(default_value_t = 1)]
+        #[arg(default_value_t = 1, value_parser = whole::<u32>(1..=1_000), allow_negative_numbers = true)]
         count: u32,
     },
     /// The master does not hear the next replies
     LoseReplies {
-        #[arg(default_value_t = 1)]
+        #[arg(default_value_t = 1, value_parser = whole::<u32>(1..=1_000), allow_negative_numbers = true)]
         count: u32,
     },
     /// The next requests are heard twice
     DoubleRequests {
-        #[arg(default_value_t = 1)]
+        #[arg(default_value_t = 1, value_parser = whole::<u32>(1..=1_000), allow_negative_numbers = true)]
         count: u32,
     },
     /// The next replies come twice
     DoubleReplies {
-        #[arg(default_value_t = 1)]
+        #[arg(default_value_t = 1, value_parser = whole::<u32>(1..=1_000), allow_negative_numbers = true)]
         count: u32,
     },
     /// The next replies come late
     DelayReplies {
         /// How late, in microseconds
+        #[arg(value_parser = whole::<u64>(0..=10_000_000), allow_negative_numbers = true)]
         by_us: u64,
-        #[arg(default_value_t = 1)]
+        #[arg(default_value_t = 1, value_parser = whole::<u32>(1..=1_000), allow_negative_numbers = true)]
         count: u32,
     },
     /// Bits of an octet of the next request flip, unseen by the parity
     DamageRequest {
         /// Which octet of the telegram, from 1
+        #[arg(value_parser = whole::<u32>(1..=255), allow_negative_numbers = true)]
         octet: u32,
         /// Which bits, two hexadecimal digits
         #[arg(default_value = "01")]
@@ -130,6 +133,7 @@ enum Command {
     /// Bits of an octet of the next reply flip
     DamageReply {
         /// Which octet of the telegram, from 1
+        #[arg(value_parser = whole::<u32>(1..=255), allow_negative_numbers = true)]
         octet: u32,
         /// Which bits, two hexadecimal digits
         #[arg(default_value = "01")]
@@ -138,6 +142,7 @@ enum Command {
     /// A character of the next request has a wrong parity
     CharacterError {
         /// Which octet of the telegram, from 1
+        #[arg(value_parser = whole::<u32>(1..=255), allow_negative_numbers = true)]
         octet: u32,
     },
     /// Everything as it is now, or one encoder
@@ -232,15 +237,15 @@ impl Command {
     fn request(&self) -> Result<(&'static str, Value), Failure> {
         Ok(match self {
             Self::Shaft { shaft } => ("shaft", json!({ "shaft": shaft })),
-            Self::Supply { volts } => ("supply", json!({ "volts": number(*volts)? })),
-            Self::Temperature { celsius } => ("temperature", json!({ "celsius": number(*celsius)? })),
+            Self::Supply { volts } => ("supply", json!({ "volts": volts })),
+            Self::Temperature { celsius } => ("temperature", json!({ "celsius": celsius })),
             Self::Light { state } => ("light", json!({ "state": state })),
             Self::Battery { state } => ("battery", json!({ "state": state })),
             Self::Switches { switches } => ("switches", json!({ "switches": switches })),
             Self::Power { state } => ("power", json!({ "state": state })),
             Self::Sensor { fault } => ("sensor", json!({ "fault": fault })),
             Self::Memory { fault } => ("memory", json!({ "fault": fault })),
-            Self::OperatingTime { hours } => ("operating_time", json!({ "hours": number(*hours)? })),
+            Self::OperatingTime { hours } => ("operating_time", json!({ "hours": hours })),
             Self::Line { values } => ("line", noise(values)?),
             Self::LoseRequests { count } => ("lose_requests", json!({ "count": count })),
             Self::LoseReplies { count } => ("lose_replies", json!({ "count": count })),
@@ -265,15 +270,6 @@ impl Command {
                 )));
             }
         })
-    }
-}
-
-/// JSON knows no infinity.
-fn number(value: f64) -> Result<Value, Failure> {
-    if value.is_finite() {
-        Ok(value.into())
-    } else {
-        Err(usage(format!("{value} is no number; write one like 8.5")))
     }
 }
 

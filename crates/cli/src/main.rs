@@ -70,6 +70,8 @@ enum Failure {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
+    // What those print is told on the way; of the others it is what they were asked for.
+    let tells = matches!(cli.command, None | Some(Command::Demo(_) | Command::Run(_)));
     let result = match cli.command {
         None => demo::demo(&cli.demo),
         Some(Command::Demo(options)) => demo::demo(&options),
@@ -85,10 +87,12 @@ fn main() -> ExitCode {
         }
         Some(Command::Ctl(ctl)) => ctl.ctl(),
     };
+    let lost = output::lost().filter(|_| !tells);
+    let result = result.and_then(|()| lost.map_or(Ok(()), |lost| Err(Failure::Failed(lost))));
     match result {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            eprintln!("error: {failure}");
+            output::aside(&format!("error: {failure}"));
             ExitCode::from(match failure {
                 Failure::Usage(_) => 2,
                 Failure::Failed(_) => 1,

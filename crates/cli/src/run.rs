@@ -103,11 +103,11 @@ pub(crate) struct Run {
     #[arg(long, value_name = "PATH")]
     control: Option<PathBuf>,
     /// A reply that would start later than this is not sent
-    #[arg(long, default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 10, value_parser = arguments::whole::<u64>(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
     /// On a serial device: replies that start later than this after their request are counted and reported;
     /// max T_SDR of the rate if left out. They are sent all the same
-    #[arg(long, value_parser = clap::value_parser!(u32).range(1..=1_000_000), value_name = "BITS", allow_negative_numbers = true)]
+    #[arg(long, value_parser = arguments::whole::<u32>(1..=1_000_000), value_name = "BITS", allow_negative_numbers = true)]
     max_tsdr: Option<u32>,
     /// A further encoder on the same bus: KEY=VALUE pairs with commas between (switches, bits,
     /// serial, state, shaft, termination); what is not named is as with the first, but a state file is never shared. May be given many times
@@ -149,7 +149,7 @@ impl Run {
         end_on_signals(&to_main)?;
         plant.add(segment, reports).map_err(failed)?;
         for note in &offer.notes {
-            eprintln!("note: {note}");
+            output::aside(&format!("note: {note}"));
         }
         output::line(&format!("bus: {bus}"));
         let shared = shared_addresses(&plant.snapshots().map_err(failed)?);

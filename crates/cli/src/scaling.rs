@@ -6,6 +6,7 @@ use clap::Args;
 use engineering::scaling::{Consequences, Number, Plan, Wish};
 use sch108bex::specification::Variant;
 
+use crate::arguments::whole;
 use crate::{Failure, output};
 
 /// The options of `scaling`.
@@ -13,13 +14,13 @@ use crate::{Failure, output};
 #[command(after_help = "Status: 0 if the device takes it, 1 if not.")]
 pub(crate) struct Scaling {
     /// Measuring units per revolution
-    #[arg(long, value_name = "N", required_unless_present = "set_prm")]
+    #[arg(long, value_name = "N", required_unless_present = "set_prm", value_parser = whole::<u32>(0..=u32::MAX.into()), allow_negative_numbers = true)]
     units: Option<u32>,
     /// Total measuring range in units; without it, all revolutions of the encoder
-    #[arg(long, value_name = "N", conflicts_with = "revolutions")]
+    #[arg(long, value_name = "N", conflicts_with = "revolutions", value_parser = whole::<u32>(0..=u32::MAX.into()), allow_negative_numbers = true)]
     range: Option<u32>,
     /// The range as so many whole revolutions
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = whole::<u32>(0..=u32::MAX.into()), allow_negative_numbers = true)]
     revolutions: Option<u32>,
     /// The way back: units and range out of the octets of a Set_Prm, from octet 9 or from octet 1 on
     #[arg(long, value_name = "HEX", conflicts_with_all = ["units", "range", "revolutions"])]

@@ -52,7 +52,7 @@ pub struct ControlSocket {
 }
 
 impl ControlSocket {
-    /// Connects to the socket at `path`; `encoder` names the one of several that is tested.
+    /// Connects to the socket at `path`; `encoder` is the one of several that is tested, its name or its number from 1.
     ///
     /// # Errors
     ///
@@ -64,7 +64,9 @@ impl ControlSocket {
             stream.set_write_timeout(Some(PATIENCE))
         };
         limit(&stream).map_err(|error| error.to_string())?;
-        Ok(Self { stream: BufReader::new(stream), encoder: encoder.map_or(Value::Null, Value::from) })
+        let encoder =
+            encoder.map_or(Value::Null, |name| name.parse::<u64>().map_or_else(|_| name.into(), Value::from));
+        Ok(Self { stream: BufReader::new(stream), encoder })
     }
 
     fn ask(&mut self, mut request: Value) -> Result<(), String> {

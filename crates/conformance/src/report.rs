@@ -8,7 +8,7 @@ mod text;
 use crate::result::{CaseResult, Outcome};
 
 pub use html::html;
-pub use json::json;
+pub use json::{json, list_json};
 pub use junit::junit;
 pub use text::{case as case_text, list, summary};
 

@@ -15,13 +15,14 @@ use gsd_parser::GenericStationDescription;
 pub const MOST_OCTETS: u64 = 4 * 1024 * 1024;
 
 /// As much of a parser's message as a person will read.
-const MOST_OF_A_MESSAGE: usize = 1_000;
+const MOST_LINES: usize = 10;
+const MOST_OF_A_LINE: usize = 120;
 
 /// Why a file cannot be read as a GSD.
 #[derive(Debug, thiserror::Error)]
 pub enum ReadError {
     /// It is not there, or may not be read.
-    #[error("cannot be read: {0}")]
+    #[error("cannot be read: {0}; write the path of a GSD file that you may read")]
     Io(#[from] std::io::Error),
     /// A directory, a pipe, a device.
     #[error("is no file; write the path of a GSD file")]
@@ -30,7 +31,9 @@ pub enum ReadError {
     #[error("has more than {MOST_OCTETS} octets; a GSD file has some thousand. Is it the right file?")]
     TooLong,
     /// Not in the form of a GSD file; the parser's words.
-    #[error("is no GSD file that can be read:\n{0}")]
+    #[error(
+        "is no GSD file that can be read; is it the right one, and whole? The first that does not fit:\n{0}"
+    )]
     Syntax(String),
     /// Refers to what is not in it, or a value is of the wrong kind.
     #[error("is broken: it refers to something that is not in it, or a value is of the wrong kind")]
@@ -92,14 +95,17 @@ fn without_slots(text: &str) -> String {
     kept
 }
 
-/// What of a message can be shown on a terminal.
+/// What of a message can be shown on a terminal, and will be read.
 fn printable(message: &str) -> String {
-    let mut text: String =
-        message.chars().filter(|c| *c == '\n' || !c.is_control()).take(MOST_OF_A_MESSAGE).collect();
-    if text.len() < message.len() && message.chars().count() > MOST_OF_A_MESSAGE {
-        text.push_str(" ...");
-    }
-    text
+    let lines = message.lines().take(MOST_LINES).map(|line| {
+        let shown = |c: &char| !c.is_control();
+        let mut short: String = line.chars().filter(shown).take(MOST_OF_A_LINE).collect();
+        if line.chars().filter(shown).count() > MOST_OF_A_LINE {
+            short.push_str(" ...");
+        }
+        short
+    });
+    lines.collect::<Vec<_>>().join("\n")
 }
 
 thread_local! {
@@ -169,6 +175,7 @@ mod tests {
             let error = read(&path, &read_text(&path).expect("reads")).expect_err("no GSD").to_string();
             assert!(error.starts_with("is no GSD file"), "{error}");
             assert!(error.chars().all(|c| c == '\n' || !c.is_control()) && error.len() < 5_000, "{error}");
+            assert!(error.lines().all(|line| line.chars().count() < 130), "{error}");
         }
     }
 

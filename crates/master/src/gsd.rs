@@ -31,7 +31,9 @@ pub struct Gsd {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 pub enum GsdError {
     /// It is no GSD file.
-    #[error("it is no GSD file that can be read:\n{0}")]
+    #[error(
+        "it is no GSD file that can be read; is it the right one, and whole? The first that does not fit:\n{0}"
+    )]
     Syntax(String),
     /// It is one, but broken.
     #[error(

@@ -14,7 +14,7 @@ use serde_json::json;
 use signal_hook::consts::{SIGINT, SIGTERM};
 
 use super::{Light, Master, failed, words};
-use crate::arguments::ident_number;
+use crate::arguments::{ident_number, whole};
 use crate::{Failure, output};
 
 /// A line with inputs after so long.
@@ -48,7 +48,7 @@ pub(super) struct Exchange {
     #[arg(long, value_name = "N", default_value = "10", value_parser = seconds)]
     seconds: f64,
     /// After how many milliseconds without this master the station gives up; 0: never
-    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = clap::value_parser!(u32).range(0..=650_000))]
+    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = whole::<u32>(0..=650_000), allow_negative_numbers = true)]
     watchdog: u32,
 }
 
@@ -344,7 +344,7 @@ fn refused(
             return None;
         }
         let fields = words::fields(slave, master.own_address, words::SLAVE_DIAG, &octets);
-        eprintln!("{}", words::text(&octets, &fields));
+        output::aside(&words::text(&octets, &fields));
     }
     Some(Failure::Failed(format!(
         "station {slave} {event}; compare them with its manual, or with its GSD file"

@@ -10,7 +10,7 @@ use clap::{Args, Subcommand};
 use profibus_dp::time::{Baudrate, BitTimes, Duration};
 use serde_json::json;
 
-use crate::arguments::{Baud, ident_number};
+use crate::arguments::{Baud, ident_number, whole};
 use crate::{Failure, output};
 
 /// The options of `master`.
@@ -26,19 +26,19 @@ pub(crate) struct Master {
     #[arg(long, value_name = "RATE", default_value = "500000", value_parser = rate)]
     baud: Baudrate,
     /// The station, 0 to 126; without it the only one that answers
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=126))]
+    #[arg(long, value_name = "N", value_parser = whole::<u8>(0..=126), allow_negative_numbers = true)]
     address: Option<u8>,
     /// This master's own address
-    #[arg(long = "master-address", value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(0..=125))]
+    #[arg(long = "master-address", value_name = "N", default_value_t = 2, value_parser = whole::<u8>(0..=125), allow_negative_numbers = true)]
     own_address: u8,
     /// How long to wait for a reply, in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 20, value_parser = clap::value_parser!(u16).range(1..=10_000))]
+    #[arg(long, value_name = "MS", default_value_t = 20, value_parser = whole::<u16>(1..=10_000), allow_negative_numbers = true)]
     reply_within: u16,
     /// How often a request is repeated that is not answered
-    #[arg(long, value_name = "N", default_value_t = 2, value_parser = clap::value_parser!(u8).range(1..=15))]
+    #[arg(long, value_name = "N", default_value_t = 2, value_parser = whole::<u8>(1..=15), allow_negative_numbers = true)]
     retries: u8,
     /// How long to wait for somebody at the far side of the port, in seconds
-    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u16).range(0..=3_600))]
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = whole::<u16>(0..=3_600), allow_negative_numbers = true)]
     wait: u16,
     /// Print documents instead of sentences
     #[arg(long, global = true)]
@@ -60,7 +60,7 @@ enum Action {
     /// Give the station another address
     SetAddress {
         /// The new address, 0 to 125, or 126 to give it back
-        #[arg(value_parser = clap::value_parser!(u8).range(0..=126))]
+        #[arg(value_parser = whole::<u8>(0..=126), allow_negative_numbers = true)]
         new: u8,
         /// The station's ident number; without it the one in its diagnosis
         #[arg(long, value_name = "0xHHHH", value_parser = ident_number)]
@@ -247,7 +247,12 @@ impl Master {
         ident: Option<u16>,
         for_good: bool,
     ) -> Result<(), Failure> {
-        if new != slave && light.status(new).map_err(failed)?.is_some() {
+        if new == slave {
+            return Err(Failure::Failed(format!(
+                "station {slave} is at that address already; write another"
+            )));
+        }
+        if light.status(new).map_err(failed)?.is_some() {
             return Err(Failure::Failed(format!(
                 "there is a station at address {new} already; two at one address answer at once"
             )));

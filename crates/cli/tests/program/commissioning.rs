@@ -139,6 +139,7 @@ fn the_only_station_needs_no_address_and_several_are_listed() {
     assert_eq!(status, Some(1));
     assert!(errors.contains("several stations, at 5, 7; choose one with --address"), "{errors}");
     bad(&bus, &["--address", "5", "set-address", "7"], 1, &["there is a station at address 7 already"]);
+    bad(&bus, &["--address", "5", "set-address", "5"], 1, &["at that address already"]);
     encoders.end();
 }
 
@@ -193,12 +194,12 @@ fn a_master_can_wait_for_its_slaves() {
 fn wrong_arguments_are_sentences() {
     for (arguments, words) in [
         (&["status"][..], "--port"),
-        (&["--port", "pty", "--address", "127", "status"], "0..=126"),
+        (&["--port", "pty", "--address", "127", "status"], "from 0 to 126"),
         (&["--port", "nowhere", "status"], "write pty"),
         (&["--port", "/dev/null", "--baud", "auto", "status"], "has to know its rate"),
         (&["--port", "/dev/null", "--baud", "115200", "status"], "PROFIBUS has these rates"),
         (&["--port", "/dev/null", "--address", "2", "status"], "--master-address"),
-        (&["--port", "/dev/null", "set-address", "127"], "0..=126"),
+        (&["--port", "/dev/null", "set-address", "127"], "from 0 to 126"),
         (&["--port", "/dev/null", "run"], "--gsd"),
         (&["--port", "/dev/null", "run", "--prm", "00"], "--cfg"),
         (&["--port", "/dev/null", "run", "--prm", "0", "--cfg", "D1"], "two digits"),

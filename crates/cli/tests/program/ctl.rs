@@ -144,7 +144,7 @@ fn what_is_no_request_is_2_and_what_is_refused_is_1() {
     let controlled = controlled(&["--switches", "05", "--encoder", "switches=06"]);
     for (arguments, status, told) in [
         (&["supply", "volts"][..], 2, "invalid value"),
-        (&["supply", "inf"], 2, "is no number"),
+        (&["supply", "inf"], 2, "write a number like 8.5"),
         (&["supply", "500"], 2, "from -100 to 100"),
         (&["power", "maybe"], 2, "off, on, cycle"),
         (&["explode"], 2, "`sch108bex ctl --help` lists"),

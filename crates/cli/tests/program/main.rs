@@ -14,6 +14,7 @@ mod driver;
 mod forgetful;
 mod kill;
 mod master;
+mod outputs;
 mod pyprofibus;
 mod readme;
 mod refusals;

@@ -2,8 +2,32 @@
 
 use serde_json::{Value, json};
 
+use crate::case::{Case, Profile};
 use crate::report::{Run, Tally};
 use crate::result::CaseResult;
+
+/// The table of the cases as one JSON document.
+#[must_use]
+pub fn list_json(cases: &[Case]) -> String {
+    let cases: Vec<Value> = cases
+        .iter()
+        .map(|case| {
+            json!({
+                "id": case.id,
+                "title": case.title,
+                "area": case.area,
+                "rule": case.rule,
+                "disputed": case.disputed,
+                "profile": match case.profile {
+                    Profile::DpV0 => "dp-v0",
+                    Profile::Encoder => "encoder",
+                },
+                "long": case.long,
+            })
+        })
+        .collect();
+    format!("{:#}", json!({ "cases": cases }))
+}
 
 /// The run as one JSON document.
 pub fn json(run: &Run, results: &[CaseResult]) -> String {

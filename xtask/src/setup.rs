@@ -25,6 +25,8 @@ pub(crate) struct Tools {
     pub(crate) thumb: Option<Thumb>,
     /// The emulator of Cortex-M boards.
     pub(crate) qemu: bool,
+    /// Wireshark without its windows, which the tests of our dissector run.
+    pub(crate) tshark: bool,
 }
 
 impl Tools {
@@ -35,6 +37,7 @@ impl Tools {
             python: Some(python(project)).filter(|python| python_works(project, python)),
             thumb: Thumb::find(project),
             qemu: has_program("qemu-system-arm"),
+            tshark: has_program("tshark"),
         }
     }
 
@@ -45,6 +48,7 @@ impl Tools {
             (self.python.is_some(), "a virtual environment of Python with pyprofibus"),
             (self.thumb.is_some(), "Rust's core library for thumbv7em-none-eabihf"),
             (self.qemu, "qemu-system-arm"),
+            (self.tshark, "tshark"),
         ]
         .into_iter()
         .filter_map(|(there, name)| (!there).then_some(name))
@@ -85,6 +89,9 @@ pub(crate) fn setup(project: &Project, yes: bool) -> Result<Tools, String> {
     }
     if !tools.qemu {
         troubles.extend(debian::install(project, "qemu-system-arm").err());
+    }
+    if !tools.tshark {
+        troubles.extend(debian::install(project, "tshark").err());
     }
     let _ = fs::remove_dir_all(project.target.join("setup"));
     if !troubles.is_empty() {

@@ -149,11 +149,14 @@ fn tests(run: &Run<'_>) -> Result<Tally, String> {
     } else {
         project.cargo(["test", "--workspace", "--all-targets", "--no-fail-fast"])
     };
-    command.env_remove("SCH108BEX_PYTHON");
+    command.env_remove("SCH108BEX_PYTHON").env_remove("SCH108BEX_TSHARK");
     if run.everything
         && let Some(python) = &run.tools.python
     {
         command.env("SCH108BEX_PYTHON", python);
+    }
+    if run.everything && run.tools.tshark {
+        command.env("SCH108BEX_TSHARK", "tshark");
     }
     counted("tests", project, command)
 }

@@ -32,6 +32,7 @@ mod stations;
 pub mod termination;
 pub mod virtual_segment;
 mod wake;
+pub mod wire_tap;
 
 pub use clock::{VirtualClock, WallClock};
 pub use control::{Commands, Control};
@@ -45,3 +46,4 @@ pub use segment::{Counters, Handler, LateReplies, News, RateListener, Segment, S
 pub use serial::{Latency, Rates, SerialEnd};
 pub use socket::{SocketEnd, TcpAddress, UnixSocket};
 pub use virtual_segment::{Answer, Reply, VirtualSegment};
+pub use wire_tap::{Sight, WireTap};

@@ -7,9 +7,10 @@ use profibus_dp::wire::Telegram;
 use profibus_dp::wire::telegram::{BROADCAST, MAX_OCTETS};
 
 use crate::collision::collide;
-use crate::faults::Faults;
+use crate::faults::{FaultCounters, Faults};
 use crate::segment::{Counters, DEFAULT_RATE, LateReplies, RateListener, Settings};
 use crate::stations::Stations;
+use crate::wire_tap::{Sight, WireTap};
 
 /// How often a station gets to hear telegrams of others. They only tell it that the bus is alive
 /// at its rate, which it wants to know within seconds; 125 stations need not hear each.
@@ -34,6 +35,12 @@ pub(crate) struct Line<S> {
     /// A reply on its way that is not where its station keeps it.
     pub(crate) outgoing: [u8; 2 * MAX_OCTETS],
     pub(crate) faults: Faults,
+    /// Who listens.
+    pub(crate) tap: Option<Box<dyn WireTap>>,
+    /// For the tap: what is special about the reply in `outgoing`.
+    pub(crate) in_store: InStore,
+    /// For the tap: the newest octets after what the fault layer did to them.
+    arrived: Vec<u8>,
     /// A character error was on the line, and it has not been idle since.
     deaf: bool,
     /// The newest octets ended a telegram.
@@ -50,6 +57,13 @@ pub(crate) enum Waiting {
     Start(Instant),
     /// For the time when its last octet would have ended; so many are in `outgoing`.
     End(Instant, usize),
+}
+
+/// What is special about a reply that waits.
+#[derive(Debug, Clone, Copy, Default)]
+pub(crate) struct InStore {
+    pub(crate) faults: FaultCounters,
+    pub(crate) collision: bool,
 }
 
 /// Who answers the newest telegram.
@@ -86,6 +100,9 @@ impl<S: Station + RateListener> Line<S> {
             bus_life: Instant::ZERO,
             outgoing: [0; 2 * MAX_OCTETS],
             faults: Faults::default(),
+            tap: None,
+            in_store: InStore::default(),
+            arrived: Vec::new(),
             deaf: false,
             ended: true,
             last_octets: Instant::ZERO,
@@ -151,8 +168,15 @@ impl<S: Station + RateListener> Line<S> {
     /// What follows is looked at again from its first octet: a computer does not see when a line is idle.
     #[cold]
     pub(crate) fn line_error(&mut self, now: Instant) {
-        self.counters.overtaken += u64::from(self.waiting != Waiting::Nothing);
+        let overtaken = self.waiting != Waiting::Nothing;
+        self.counters.overtaken += u64::from(overtaken);
         self.counters.line_errors += 1;
+        if let Some(tap) = &mut self.tap {
+            if overtaken {
+                tap.saw(now, Sight::Overtaken);
+            }
+            tap.saw(now, Sight::CharacterError);
+        }
         self.abandon();
         self.receiver.line_error(now);
         self.tell_line_error(now);
@@ -174,11 +198,44 @@ impl<S: Station + RateListener> Line<S> {
     #[inline]
     pub(crate) fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
         self.asked = now;
+        if self.tap.is_some() {
+            return self.receive_tapped(now, octets);
+        }
+        self.receive_untapped(now, octets)
+    }
+
+    #[inline]
+    fn receive_untapped(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
         if self.faults.is_active() {
             self.receive_through_faults(now, octets)
         } else {
             self.hear::<false>(now, octets)
         }
+    }
+
+    /// The same while somebody listens.
+    #[cold]
+    fn receive_tapped(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        let waited = self.waiting != Waiting::Nothing;
+        let (before, overtaken) = (self.faults.counters(), self.counters.overtaken);
+        self.arrived.clear();
+        let window = self.receive_untapped(now, octets);
+        let faults = self.faults.counters().since(&before);
+        let Self { tap: Some(tap), arrived, counters, .. } = self else {
+            return window;
+        };
+        let octets = if arrived.is_empty() { octets } else { arrived };
+        let overtaken = counters.overtaken - overtaken;
+        // What had waited was overtaken by the first of these octets, the others within them.
+        let at_first = u64::from(waited).min(overtaken);
+        for _ in 0..at_first {
+            tap.saw(now, Sight::Overtaken);
+        }
+        tap.saw(now, Sight::Request { octets, faults });
+        for _ in at_first..overtaken {
+            tap.saw(now, Sight::Overtaken);
+        }
+        window
     }
 
     /// The same past the fault layer; `FAILING`: whole telegrams may still be lost or doubled.
@@ -218,6 +275,9 @@ impl<S: Station + RateListener> Line<S> {
         self.last_octets = now;
         let begins = (idle || self.ended) && starts_ours(&self.stations, octets);
         let characters = self.faults.request(octets, begins);
+        if self.tap.is_some() {
+            self.arrived.extend(characters.iter().map(|character| character.octet));
+        }
         self.deaf &= !idle;
         if self.deaf {
             return None;

@@ -14,8 +14,9 @@ use crate::clock::WallClock;
 use crate::collision::collide;
 use crate::control::{self, Commands, Control};
 use crate::end::{End, EndError, Event, Note, Written};
-use crate::faults::Faults;
-use crate::line::{Line, Repliers, Waiting, characters, garbage, within};
+use crate::faults::{FaultCounters, Faults};
+use crate::line::{InStore, Line, Repliers, Waiting, characters, garbage, within};
+use crate::wire_tap::{Sight, WireTap};
 
 /// The rate by which bus times are counted at an end that has none.
 pub const DEFAULT_RATE: Baudrate = Baudrate::B500000;
@@ -200,6 +201,11 @@ impl<S: Station + RateListener> Segment<S> {
         &mut self.line.faults
     }
 
+    /// Lets somebody listen, instead of whoever did before; `None`: nobody.
+    pub fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
+        self.line.tap = tap;
+    }
+
     /// A way for other threads to reach this segment while it runs.
     pub fn control<C>(&self) -> (Control<C>, Commands<C>) {
         control::channel(self.end.waker())
@@ -260,6 +266,9 @@ impl<S: Station + RateListener> Segment<S> {
         {
             self.end.tune(rate)?;
             self.line.retune(rate);
+            if let Some(tap) = &mut self.line.tap {
+                tap.saw(self.clock.now(), Sight::Rate(Some(rate)));
+            }
         }
         Ok(())
     }
@@ -289,6 +298,15 @@ impl<S: Station + RateListener> Segment<S> {
             News::MasterLeft => self.line.abandon(),
             News::LateReplies(_) => {}
             News::Noted(note) => self.line.counters.refused += u64::from(note == Note::Refused),
+        }
+        let sight = match news {
+            News::MasterCame(rate) => Some(Sight::MasterCame(rate)),
+            News::RateChanged(rate) => Some(Sight::Rate(rate)),
+            News::MasterLeft => Some(Sight::MasterLeft),
+            News::LateReplies(_) | News::Noted(_) => None,
+        };
+        if let (Some(sight), Some(tap)) = (sight, &mut self.line.tap) {
+            tap.saw(now, sight);
         }
         handler.news(self, news);
         self.line.stations.refresh_all();
@@ -322,8 +340,14 @@ impl<S: Station + RateListener> Segment<S> {
             Waiting::Start(due) if due <= now => self.reply(due),
             Waiting::End(due, length) if due <= now => {
                 self.line.waiting = Waiting::Nothing;
-                let written = self.end.write(self.line.outgoing.get(..length).unwrap_or_default())?;
-                self.line.counters.count_reply(written);
+                let Line { outgoing, counters, tap, in_store, .. } = &mut self.line;
+                let octets = outgoing.get(..length).unwrap_or_default();
+                let written = self.end.write(octets)?;
+                counters.count_reply(written);
+                if let Some(tap) = tap {
+                    let InStore { faults, collision } = std::mem::take(in_store);
+                    tap.saw(now, Sight::Reply { octets, faults, collision, written });
+                }
                 Ok(())
             }
             _ => Ok(()),
@@ -333,8 +357,19 @@ impl<S: Station + RateListener> Segment<S> {
     /// Hands out the reply that was due at `due`, and sends it unless that takes time.
     #[inline]
     fn reply(&mut self, due: Instant) -> Result<(), EndError> {
-        let Line { stations, settings, counters, repliers, waiting, outgoing, rate, faults, .. } =
-            &mut self.line;
+        let Line {
+            stations,
+            settings,
+            counters,
+            repliers,
+            waiting,
+            outgoing,
+            rate,
+            faults,
+            tap,
+            in_store,
+            ..
+        } = &mut self.line;
         let Repliers { first, second } = std::mem::take(repliers);
         *waiting = Waiting::Nothing;
         let Some((at, window)) = first else {
@@ -343,11 +378,16 @@ impl<S: Station + RateListener> Segment<S> {
         let now = self.clock.now();
         if now.since(due) > settings.reply_limit {
             counters.late += 1;
+            if let Some(tap) = tap {
+                tap.saw(now, Sight::TooLate);
+            }
             return Ok(());
         }
+        *in_store = InStore::default();
         if let Some(second) = second {
             counters.collisions += 1;
             let length = garbage(stations, now, [(at, window), second], outgoing);
+            in_store.collision = true;
             *waiting = Waiting::End(now, length);
             return Ok(());
         }
@@ -365,6 +405,10 @@ impl<S: Station + RateListener> Segment<S> {
         } else {
             let written = self.end.write(octets)?;
             counters.count_reply(written);
+            if let Some(tap) = tap {
+                let faults = FaultCounters::default();
+                tap.saw(now, Sight::Reply { octets, faults, collision: false, written });
+            }
         }
         // Handing out the reply may have changed the address of its station.
         stations.refresh(at);
@@ -378,11 +422,19 @@ impl<S: Station + RateListener> Segment<S> {
     #[cold]
     fn reply_through_faults(&mut self, now: Instant, length: usize) -> Result<(), EndError> {
         let rate = self.line.bus_rate();
-        let Line { settings, counters, waiting, outgoing, faults, .. } = &mut self.line;
-        let arrival = faults.reply(outgoing.get(..length).unwrap_or_default());
+        let Line { settings, counters, waiting, outgoing, faults, tap, in_store, .. } = &mut self.line;
+        let before = faults.counters();
+        let given = outgoing.get(..length).unwrap_or_default();
+        let arrival = faults.reply(given);
+        let faults = faults.counters().since(&before);
         if arrival.characters.is_empty() {
+            if let Some(tap) = tap {
+                let written = Written::Dropped(length);
+                tap.saw(now, Sight::Reply { octets: given, faults, collision: false, written });
+            }
             return Ok(());
         }
+        in_store.faults = faults;
         let octets: Vec<u8> = arrival.characters.iter().map(|character| character.octet).collect();
         let length = collide(outgoing, 0, &octets);
         let mut due = now + arrival.late_by;
@@ -395,6 +447,9 @@ impl<S: Station + RateListener> Segment<S> {
         }
         let written = self.end.write(&octets)?;
         counters.count_reply(written);
+        if let Some(tap) = tap {
+            tap.saw(now, Sight::Reply { octets: &octets, faults, collision: false, written });
+        }
         Ok(())
     }
 }

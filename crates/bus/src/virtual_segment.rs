@@ -11,10 +11,12 @@ use profibus_dp::wire::telegram::{MAX_OCTETS, SC, SD1, SD1_OCTETS, SD2, SD3, SD3
 
 use crate::clock::VirtualClock;
 use crate::collision::collide;
-use crate::faults::{Character, Faults, ReplyFault};
+use crate::end::Written;
+use crate::faults::{Character, FaultCounters, Faults, ReplyFault};
 use crate::line::{characters, is_ours, starts_ours};
 use crate::overheard::Overheard;
 use crate::stations::Stations;
+use crate::wire_tap::{Sight, WireTap};
 
 /// What a master hears after a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -69,6 +71,7 @@ pub struct VirtualSegment<S> {
     /// The last octets were not a whole telegram.
     unfinished: bool,
     overheard: Overheard,
+    tap: Option<Box<dyn WireTap>>,
     /// The newest reply; long enough for one that comes twice.
     line: Vec<u8>,
 }
@@ -92,6 +95,7 @@ impl<S: Station> VirtualSegment<S> {
             touched: true,
             unfinished: false,
             overheard: Overheard::new(),
+            tap: None,
             line: vec![0; 2 * MAX_OCTETS],
         }
     }
@@ -160,6 +164,11 @@ impl<S: Station> VirtualSegment<S> {
     /// What goes wrong on the line, to be changed.
     pub fn faults_mut(&mut self) -> &mut Faults {
         &mut self.faults
+    }
+
+    /// Lets somebody listen, instead of whoever did before; `None`: nobody.
+    pub fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
+        self.tap = tap;
     }
 
     /// How often two stations answered at once.
@@ -235,6 +244,9 @@ impl<S: Station> VirtualSegment<S> {
         if !self.faults.leaves_reply(&self.line[..length]) {
             return self.deliver_with_faults(Delivery { start, asked, until, length, damaged }, first);
         }
+        if self.tap.is_some() {
+            self.tap_reply(start, length, FaultCounters::default(), damaged);
+        }
         let line = std::mem::take(&mut self.line);
         self.put_on_line(start, &line[..length], Some(first), false);
         self.line = line;
@@ -245,10 +257,13 @@ impl<S: Station> VirtualSegment<S> {
     /// The way of a reply to the master and to the other stations, with the faults on it.
     #[cold]
     fn deliver_with_faults(&mut self, delivery: Delivery, sender: usize) -> Answer<'_> {
-        let Delivery { asked, until, length, .. } = delivery;
+        let Delivery { asked, until, length, damaged: collision, .. } = delivery;
+        let before = self.faults.counters();
         let arrival = self.faults.reply(&self.line[..length]);
+        let faults = self.faults.counters().since(&before);
         let start = delivery.start + arrival.late_by;
         if arrival.characters.is_empty() || start > until {
+            self.tap_reply(delivery.start, length, faults, collision);
             self.advance_to(until);
             return Answer::Silence { until };
         }
@@ -259,6 +274,7 @@ impl<S: Station> VirtualSegment<S> {
         for (place, character) in self.line.iter_mut().zip(&arrival.characters) {
             *place = character.octet;
         }
+        self.tap_reply(start, length, faults, collision);
         if damaged {
             self.put_characters_on_line(start, &arrival.characters, Some(sender), false);
         } else {
@@ -298,22 +314,49 @@ impl<S: Station> VirtualSegment<S> {
     /// Octets of the master on the line from `start` on, `fresh` ones after idle time.
     #[inline]
     fn put_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
-        if self.faults.leaves_request(octets) {
+        if !self.faults.leaves_request(octets) {
+            self.put_failing_request_on_line(start, octets, fresh);
+        } else if self.tap.is_none() {
             self.put_on_line(start, octets, None, self.faults.is_active());
         } else {
-            self.put_failing_request_on_line(start, octets, fresh);
+            let before = self.faults.counters();
+            self.put_on_line(start, octets, None, self.faults.is_active());
+            // Only now it is known whether anybody was to hear them.
+            self.tap_request(start, octets, self.faults.counters().since(&before));
+        }
+    }
+
+    #[cold]
+    fn tap_request(&mut self, at: Instant, octets: &[u8], faults: FaultCounters) {
+        if let Some(tap) = &mut self.tap {
+            tap.saw(at, Sight::Request { octets, faults });
+        }
+    }
+
+    /// The reply in `line`.
+    #[cold]
+    fn tap_reply(&mut self, at: Instant, length: usize, faults: FaultCounters, collision: bool) {
+        if let Some(tap) = &mut self.tap {
+            let lost = faults.lost_replies > 0;
+            let written = if lost { Written::Dropped(length) } else { Written::All };
+            tap.saw(at, Sight::Reply { octets: &self.line[..length], faults, collision, written });
         }
     }
 
     #[cold]
     fn put_failing_request_on_line(&mut self, start: Instant, octets: &[u8], fresh: bool) {
         let begins = fresh && starts_ours(&self.stations, octets);
+        let before = self.faults.counters();
         let characters = self.faults.request(octets, begins);
         let intact = |(character, octet): (&Character, &u8)| !character.error && character.octet == *octet;
         if characters.iter().zip(octets).all(intact) {
             self.put_on_line(start, octets, None, true);
         } else {
             self.put_characters_on_line(start, &characters, None, true);
+        }
+        if self.tap.is_some() {
+            let arrived: Vec<u8> = characters.iter().map(|character| character.octet).collect();
+            self.tap_request(start, &arrived, self.faults.counters().since(&before));
         }
     }
 

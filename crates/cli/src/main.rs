@@ -6,6 +6,7 @@
 #![forbid(unsafe_code)]
 
 mod arguments;
+mod capture_command;
 mod conformance;
 mod ctl;
 mod datasheet;
@@ -14,6 +15,8 @@ mod demo;
 mod gsd;
 mod master;
 mod output;
+mod recording;
+mod replay;
 mod run;
 mod scaling;
 mod search;
@@ -45,7 +48,11 @@ enum Command {
     /// Be a master: find stations, ask them, give them an address, exchange data with one
     Master(Box<master::Master>),
     Conformance(Box<conformance::Conformance>),
-    /// Telegrams in words: from arguments, a file or standard input
+    /// Listen to a bus without sending, and keep what is on it as pcapng
+    Capture(capture_command::Capture),
+    /// Send a capture's requests to a slave again, and compare its answers
+    Replay(replay::Replay),
+    /// Telegrams in words: from arguments, a file, a capture or standard input
     Decode(decode::Decode),
     /// What measuring units and a range mean: words, octets, the jump at the overflow
     Scaling(scaling::Scaling),
@@ -78,6 +85,8 @@ fn main() -> ExitCode {
         Some(Command::Run(run)) => run.run(),
         Some(Command::Master(master)) => master.run(),
         Some(Command::Conformance(conformance)) => conformance.run(),
+        Some(Command::Capture(capture)) => capture.run(),
+        Some(Command::Replay(replay)) => replay.run(),
         Some(Command::Decode(decode)) => decode.run(),
         Some(Command::Scaling(scaling)) => scaling.run(),
         Some(Command::Gsd(gsd)) => gsd.run(),

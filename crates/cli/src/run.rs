@@ -5,6 +5,7 @@ use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
 
 use bus::{Link, PortAddress, Settings, open_for_slaves};
+use capture::{LinkType, Recorder};
 use clap::Args;
 use plant::control::{Server, Subscriptions};
 use plant::{EncoderSetup, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World};
@@ -22,6 +23,7 @@ use crate::Failure;
 use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
 use crate::gsd::Offer;
 use crate::output;
+use crate::recording;
 use crate::search::Searches;
 use crate::thinning::Thinning;
 
@@ -102,6 +104,12 @@ pub(crate) struct Run {
     /// Take requests on a Unix socket at this path: see `sch108bex ctl` and docs/control.md
     #[arg(long, value_name = "PATH")]
     control: Option<PathBuf>,
+    /// Keep what is on the bus in this file, as pcapng: see docs/capture.md
+    #[arg(long, value_name = "FILE")]
+    capture: Option<PathBuf>,
+    /// What PROFIBUS is called in the file: 147 (USER0, for our Wireshark dissector) or 257 (PROFIBUS_DL)
+    #[arg(long, requires = "capture", default_value_t, value_name = "147|257")]
+    link_type: LinkType,
     /// A reply that would start later than this is not sent
     #[arg(long, default_value_t = 10, value_parser = arguments::whole::<u64>(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
@@ -151,6 +159,7 @@ impl Run {
         for note in &offer.notes {
             output::aside(&format!("note: {note}"));
         }
+        let recorder = self.start_recorder(&plant, &bus)?;
         output::line(&format!("bus: {bus}"));
         let shared = shared_addresses(&plant.snapshots().map_err(failed)?);
         for note in notes.into_iter().chain(shared) {
@@ -162,7 +171,22 @@ impl Run {
         drop(to_main);
         tell_until_end(&wakes);
         drop(control);
-        plant.stop().map_err(failed)
+        let stopped = plant.stop().map_err(failed);
+        let written = match (recorder, &self.capture) {
+            (Some(recorder), Some(path)) => recording::end(recorder, path).map(drop),
+            _ => Ok(()),
+        };
+        stopped.and(written)
+    }
+
+    /// Somebody who listens and writes, where one is asked for.
+    fn start_recorder(&self, plant: &Plant, bus: &str) -> Result<Option<Recorder>, Failure> {
+        let Some(path) = &self.capture else {
+            return Ok(None);
+        };
+        let recorder = recording::start(path, self.link_type, bus)?;
+        plant.handle().set_tap("bus", Some(Box::new(recorder.tap()))).map_err(failed)?;
+        Ok(Some(recorder))
     }
 
     /// The control socket, where one is asked for.

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, mpsc};
 
-use bus::{Control, Segment};
+use bus::{Control, Segment, WireTap};
 use profibus_dp::time::Instant;
 use sch108bex::specification::Variant;
 
@@ -68,6 +68,17 @@ impl Handle {
             numbered.map(move |(at, encoder)| Found { place, at, variant: encoder.variant })
         });
         all.nth(number)
+    }
+
+    /// Lets somebody listen to the segment with this name, instead of whoever did before; `None`: nobody.
+    ///
+    /// # Errors
+    ///
+    /// The segment has ended, or there is none of this name.
+    pub fn set_tap(&self, segment: &str, tap: Option<Box<dyn WireTap>>) -> Result<(), PlantError> {
+        let place = self.places().iter().find(|place| place.name == segment);
+        let place = place.ok_or_else(|| PlantError::NoSegment(segment.to_owned()))?;
+        place.ask(move |segment| segment.set_tap(tap))
     }
 
     /// Everything as it is now.

@@ -50,6 +50,9 @@ pub enum PlantError {
     /// There is no such encoder.
     #[error("there is no encoder number {0}")]
     NoEncoder(usize),
+    /// There is no such segment.
+    #[error("there is no segment {0}")]
+    NoSegment(String),
 }
 
 /// What a segment's thread is asked to do; encoders count from 0 in it.

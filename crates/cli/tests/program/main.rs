@@ -4,6 +4,7 @@
 //! by hand: nothing of the program's own telegram code is used.
 
 mod bad_octets;
+mod captures;
 mod command_line;
 mod commissioning;
 mod contract;
@@ -22,4 +23,5 @@ mod serial;
 mod shown;
 mod state;
 mod timing;
+mod wireshark;
 mod words;

@@ -1,0 +1,332 @@
+//! Takes what a segment's tap sees, and writes it on a thread of its own.
+//!
+//! The segment copies octets to memory, no more. What the disk cannot take in time is counted, and the file
+//! says where it is missing.
+
+mod words;
+
+use std::fmt;
+use std::fs::File;
+use std::io::{self, BufWriter};
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::thread::JoinHandle;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use bus::end::Written;
+use bus::{FaultCounters, Sight, WireTap};
+use profibus_dp::time::{Baudrate, Instant};
+
+use crate::assembler::Assembler;
+use crate::packet::{Direction, Faults, LinkType, Packet};
+use crate::writer::Writer;
+
+/// How often what was seen goes to the file.
+const PERIOD: Duration = Duration::from_millis(20);
+/// What may wait for the disk.
+const MOST_EVENTS: usize = 64 * 1024;
+const MOST_OCTETS: usize = 4 * 1024 * 1024;
+
+/// How to record.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Settings {
+    /// How the file names PROFIBUS.
+    pub link_type: LinkType,
+    /// What the bus is called in it.
+    pub name: String,
+    /// The segment's time is virtual: it counts from 0, and the segment waits for the disk, as nobody else
+    /// waits for the segment.
+    pub is_virtual: bool,
+}
+
+/// What became of a recording.
+#[derive(Debug, Default)]
+pub struct Report {
+    /// Packets in the file.
+    pub packets: u64,
+    /// Events that are not in it.
+    pub missing: u64,
+    /// What the disk said.
+    pub error: Option<io::Error>,
+}
+
+/// A recording that goes on. Dropping it ends it.
+#[derive(Debug)]
+pub struct Recorder {
+    shared: Arc<Shared>,
+    is_virtual: bool,
+    writer: std::thread::Thread,
+    thread: Option<JoinHandle<Report>>,
+}
+
+/// Who listens for a [`Recorder`].
+#[derive(Debug)]
+pub struct Tap {
+    shared: Arc<Shared>,
+    writer: std::thread::Thread,
+    /// Nanoseconds between 1970 and the segment's zero.
+    origin: Option<u64>,
+    is_virtual: bool,
+}
+
+#[derive(Debug, Default)]
+struct Shared {
+    store: Mutex<Store>,
+    /// There is room again.
+    room: Condvar,
+}
+
+/// What waits for the disk.
+#[derive(Debug, Default)]
+struct Store {
+    events: Vec<Event>,
+    octets: Vec<u8>,
+    /// Events that found no room since the last time.
+    missing: u64,
+    /// Nobody takes anything any more.
+    closed: bool,
+    /// It shall end.
+    ending: bool,
+}
+
+/// Something seen; its octets are the next so many.
+#[derive(Debug)]
+struct Event {
+    nanos: u64,
+    octets: usize,
+    what: What,
+}
+
+#[derive(Debug)]
+enum What {
+    Heard,
+    Request(Option<Box<FaultCounters>>),
+    Reply { faults: Option<Box<FaultCounters>>, collision: bool, dropped: usize },
+    Overtaken,
+    TooLate,
+    CharacterError,
+    MasterCame(Option<Baudrate>),
+    Rate(Option<Baudrate>),
+    MasterLeft,
+}
+
+impl Recorder {
+    /// Begins to record to a new file; one that is there is replaced.
+    ///
+    /// # Errors
+    ///
+    /// The file cannot be written.
+    pub fn start(path: &Path, settings: &Settings) -> io::Result<Self> {
+        let mut writer =
+            Writer::new(BufWriter::new(File::create(path)?), settings.link_type, &settings.name)?;
+        writer.flush()?;
+        let shared = Arc::new(Shared::default());
+        let is_virtual = settings.is_virtual;
+        let thread = {
+            let shared = Arc::clone(&shared);
+            let mut work = Work { writer, assembler: Assembler::default(), report: Report::default() };
+            std::thread::Builder::new()
+                .name("capture".to_owned())
+                .spawn(move || work.run(&shared, is_virtual))?
+        };
+        Ok(Self { shared, is_virtual, writer: thread.thread().clone(), thread: Some(thread) })
+    }
+
+    /// Somebody who listens for it, on one segment.
+    pub fn tap(&self) -> Tap {
+        let thread = self.writer.clone();
+        let origin = self.is_virtual.then_some(0);
+        Tap { shared: Arc::clone(&self.shared), writer: thread, origin, is_virtual: self.is_virtual }
+    }
+
+    /// Ends the recording: all that was seen is in the file then.
+    pub fn finish(mut self) -> Report {
+        self.end()
+    }
+
+    fn end(&mut self) -> Report {
+        let Some(thread) = self.thread.take() else {
+            return Report::default();
+        };
+        self.shared.lock().ending = true;
+        thread.thread().unpark();
+        match thread.join() {
+            Ok(report) => report,
+            Err(panic) => std::panic::resume_unwind(panic),
+        }
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        self.end();
+    }
+}
+
+impl Shared {
+    fn lock(&self) -> MutexGuard<'_, Store> {
+        self.store.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl Tap {
+    /// Takes octets of which nobody knows who has sent them.
+    pub fn heard(&mut self, at: Instant, octets: &[u8]) {
+        self.keep(at, octets, What::Heard);
+    }
+
+    fn keep(&mut self, at: Instant, octets: &[u8], what: What) {
+        let at = at.as_nanos();
+        let origin = *self.origin.get_or_insert_with(|| since_1970().saturating_sub(at));
+        let event = Event { nanos: origin.saturating_add(at), octets: octets.len(), what };
+        let mut store = self.shared.lock();
+        while self.is_virtual && !store.closed && !store.has_room(octets.len()) {
+            self.writer.unpark();
+            store = self.shared.room.wait(store).unwrap_or_else(PoisonError::into_inner);
+        }
+        if store.closed || !store.has_room(octets.len()) {
+            store.missing += 1;
+            return;
+        }
+        store.octets.extend_from_slice(octets);
+        store.events.push(event);
+        // Once, on the way to a full one: the writer comes by itself soon enough.
+        if store.events.len() == MOST_EVENTS / 2 {
+            self.writer.unpark();
+        }
+    }
+}
+
+impl WireTap for Tap {
+    fn saw(&mut self, at: Instant, sight: Sight<'_>) {
+        let some = |faults: FaultCounters| (faults != FaultCounters::default()).then(|| Box::new(faults));
+        match sight {
+            Sight::Request { octets, faults } => self.keep(at, octets, What::Request(some(faults))),
+            Sight::Reply { octets, faults, collision, written } => {
+                let dropped = match written {
+                    Written::All => 0,
+                    Written::Dropped(count) => count,
+                };
+                self.keep(at, octets, What::Reply { faults: some(faults), collision, dropped });
+            }
+            Sight::Overtaken => self.keep(at, &[], What::Overtaken),
+            Sight::TooLate => self.keep(at, &[], What::TooLate),
+            Sight::CharacterError => self.keep(at, &[], What::CharacterError),
+            Sight::MasterCame(rate) => self.keep(at, &[], What::MasterCame(rate)),
+            Sight::Rate(rate) => self.keep(at, &[], What::Rate(rate)),
+            Sight::MasterLeft => self.keep(at, &[], What::MasterLeft),
+        }
+    }
+}
+
+impl Store {
+    fn has_room(&self, octets: usize) -> bool {
+        self.events.len() < MOST_EVENTS && self.octets.len() + octets <= MOST_OCTETS
+    }
+}
+
+/// What the thread works with.
+struct Work {
+    writer: Writer<BufWriter<File>>,
+    assembler: Assembler,
+    report: Report,
+}
+
+impl fmt::Debug for Work {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_struct("Work").finish_non_exhaustive()
+    }
+}
+
+impl Work {
+    fn run(&mut self, shared: &Shared, is_virtual: bool) -> Report {
+        let mut taken = Store::default();
+        loop {
+            {
+                let mut store = shared.lock();
+                std::mem::swap(&mut taken.events, &mut store.events);
+                std::mem::swap(&mut taken.octets, &mut store.octets);
+                taken.missing = std::mem::take(&mut store.missing);
+                taken.ending = store.ending;
+                store.closed |= self.report.error.is_some();
+            }
+            shared.room.notify_all();
+            let result = self.write(&mut taken, is_virtual);
+            self.report.missing += taken.missing;
+            if let Err(error) = result {
+                self.report.error.get_or_insert(error);
+            }
+            if taken.ending {
+                return std::mem::take(&mut self.report);
+            }
+            std::thread::park_timeout(PERIOD);
+        }
+    }
+
+    fn write(&mut self, taken: &mut Store, is_virtual: bool) -> io::Result<()> {
+        let Self { writer, assembler, report } = self;
+        if report.error.is_some() {
+            report.missing += taken.events.len() as u64;
+            taken.events.clear();
+            taken.octets.clear();
+            return Ok(());
+        }
+        let mut result = Ok(());
+        let mut take = |packet: Packet| {
+            if result.is_ok() {
+                result = writer.write(&packet);
+                report.packets += u64::from(result.is_ok());
+            }
+        };
+        let nothing_new = taken.events.is_empty();
+        let (mut rest, mut last) = (taken.octets.as_slice(), 0);
+        for event in taken.events.drain(..) {
+            let (octets, others) = rest.split_at(event.octets);
+            rest = others;
+            last = event.nanos;
+            tell(assembler, &event, octets, &mut take);
+        }
+        if taken.missing > 0 {
+            assembler.finish(&mut take);
+            let words = format!("{} events are missing here: the disk was too slow", taken.missing);
+            take(Packet { nanos: last, missing: taken.missing, comments: vec![words], ..Packet::default() });
+        }
+        if taken.ending {
+            assembler.finish(&mut take);
+        } else if !is_virtual && nothing_new {
+            assembler.pass(since_1970(), &mut take);
+        }
+        taken.octets.clear();
+        result?;
+        writer.flush()
+    }
+}
+
+/// An event as packets.
+fn tell(assembler: &mut Assembler, event: &Event, octets: &[u8], take: &mut dyn FnMut(Packet)) {
+    let nanos = event.nanos;
+    let (direction, faults) = match &event.what {
+        What::Heard => (None, Faults::default()),
+        What::Request(_) => (Some(Direction::Request), Faults::default()),
+        What::Reply { .. } => (Some(Direction::Reply), Faults::default()),
+        What::CharacterError => {
+            assembler.character_error(take);
+            (None, Faults { character: true, ..Faults::default() })
+        }
+        _ => {
+            assembler.finish(take);
+            (None, Faults::default())
+        }
+    };
+    let comments = words::of(&event.what, octets.len());
+    if direction.is_some() || matches!(event.what, What::Heard) {
+        assembler.push(nanos, direction, octets, comments, take);
+    } else {
+        take(Packet { nanos, direction, faults, comments, ..Packet::default() });
+    }
+}
+
+fn since_1970() -> u64 {
+    let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+    u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
+}

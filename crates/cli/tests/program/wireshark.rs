@@ -149,6 +149,9 @@ const CORPUS: &[&str] = &[
     "68 05 06 68 8B 82 6D 3C 3E F4 16",
     "68 05 05 68 8B 82",
     "10 8B 82 6D 7A 16",
+    // Twice the beginning of a sequence: the second is no retry.
+    "68 05 05 68 8B 82 6D 3C 3E F4 16",
+    "68 05 05 68 8B 82 6D 3C 3E F4 16",
 ];
 
 // What stands in the telegrams of the reference, read by hand.

@@ -11,7 +11,9 @@ mod chance;
 
 use std::collections::VecDeque;
 
-use profibus_dp::time::Duration;
+use profibus_dp::time::{Baudrate, Duration};
+
+use crate::cable::Cable;
 
 use chance::{Chance, Flips, Share};
 
@@ -42,6 +44,13 @@ pub struct Noise {
     pub late_replies: f64,
     /// How much later, at most [`LATEST`].
     pub late_by: Duration,
+    /// The share of characters with which a burst of noise begins. Requests and replies have bursts of
+    /// their own.
+    pub bursts: f64,
+    /// How many characters a burst lasts on average, at least 1.
+    pub burst_length: f64,
+    /// The share of bits that flip within a burst.
+    pub burst_bit_errors: f64,
 }
 
 /// A share that is none.
@@ -58,6 +67,9 @@ pub enum NoiseError {
     /// Later than [`LATEST`].
     #[error("a reply can be held back by 10 s at most")]
     TooLate,
+    /// Bursts without a length.
+    #[error("burst_length is {0}, but a burst lasts from 1 to 1000000 characters on average")]
+    BurstLength(f64),
 }
 
 /// What happens to a reply on its way.
@@ -139,6 +151,9 @@ pub(crate) struct Arrival {
 /// The fault layer of one line.
 #[derive(Debug, Default)]
 pub struct Faults {
+    cable: Cable,
+    /// By which the effect of the termination is counted.
+    rate: Option<Baudrate>,
     active: Option<Box<Active>>,
     counters: FaultCounters,
 }
@@ -147,7 +162,12 @@ pub struct Faults {
 #[derive(Debug)]
 struct Active {
     noise: Noise,
+    /// The share of bits that flip because of the termination.
+    reflected: f64,
     flips: Flips,
+    bursts: Bursts,
+    request_burst: Burst,
+    reply_burst: Burst,
     characters: Share,
     lost_requests: Share,
     doubled_requests: Share,
@@ -165,7 +185,8 @@ struct Active {
 impl Noise {
     /// Whether nothing goes wrong by chance.
     pub fn is_quiet(&self) -> bool {
-        self.shares().iter().all(|(_, share)| *share <= 0.0)
+        // Within bursts there is noise only where there are bursts.
+        self.shares().iter().all(|(name, share)| *share <= 0.0 || *name == "burst_bit_errors")
     }
 
     /// Refuses shares that are none.
@@ -179,10 +200,13 @@ impl Noise {
                 return Err(NoiseError::Share { name, value });
             }
         }
+        if self.bursts > 0.0 && !(1.0..=1e6).contains(&self.burst_length) {
+            return Err(NoiseError::BurstLength(self.burst_length));
+        }
         if self.late_by > LATEST { Err(NoiseError::TooLate) } else { Ok(()) }
     }
 
-    fn shares(&self) -> [(&'static str, f64); 7] {
+    fn shares(&self) -> [(&'static str, f64); 9] {
         [
             ("bit_errors", self.bit_errors),
             ("character_errors", self.character_errors),
@@ -191,6 +215,8 @@ impl Noise {
             ("doubled_requests", self.doubled_requests),
             ("doubled_replies", self.doubled_replies),
             ("late_replies", self.late_replies),
+            ("bursts", self.bursts),
+            ("burst_bit_errors", self.burst_bit_errors),
         ]
     }
 }
@@ -204,7 +230,7 @@ impl Faults {
     /// See [`Noise::check`]; nothing has changed then.
     pub fn set_noise(&mut self, noise: Noise) -> Result<(), NoiseError> {
         noise.check()?;
-        let fresh = Active::new(noise);
+        let fresh = Active::new(noise, self.reflected());
         match &mut self.active {
             Some(active) => {
                 let Active { next_requests, next_replies, .. } = std::mem::replace(&mut **active, fresh);
@@ -249,8 +275,42 @@ impl Faults {
     }
 
     /// A quiet line, with nothing in store.
+    ///
+    /// The cable stays as it is.
     pub fn clear(&mut self) {
         self.active = None;
+        self.reflect();
+    }
+
+    /// The cable: a cut and the termination.
+    pub fn cable(&self) -> Cable {
+        self.cable
+    }
+
+    /// Another cable. Who is cut off is for the stations; here the termination has its effect.
+    pub fn set_cable(&mut self, cable: Cable) {
+        self.cable = cable;
+        self.reflect();
+    }
+
+    /// The share of bits that flip because of the termination, at the rate in force.
+    pub fn reflected(&self) -> f64 {
+        self.rate.map_or(0.0, |rate| self.cable.bit_errors(rate))
+    }
+
+    /// The rate that is on the line.
+    pub(crate) fn set_rate(&mut self, rate: Baudrate) {
+        self.rate = Some(rate);
+        self.reflect();
+    }
+
+    fn reflect(&mut self) {
+        let reflected = self.reflected();
+        let is = self.active.as_ref().map_or(0.0, |active| active.reflected);
+        if (is - reflected).abs() > 0.0 {
+            self.activate().set_reflected(reflected);
+        }
+        self.rest();
     }
 
     /// What was done so far.
@@ -376,13 +436,15 @@ impl Faults {
     }
 
     fn activate(&mut self) -> &mut Active {
-        self.active.get_or_insert_with(|| Box::new(Active::new(Noise::default())))
+        let reflected = self.reflected();
+        self.active.get_or_insert_with(|| Box::new(Active::new(Noise::default(), reflected)))
     }
 
     /// Goes away when nothing can go wrong any more.
     fn rest(&mut self) {
         self.active.take_if(|active| {
-            active.noise.is_quiet() && active.next_requests.is_empty() && active.next_replies.is_empty()
+            let is_quiet = active.noise.is_quiet() && active.reflected <= 0.0;
+            is_quiet && active.next_requests.is_empty() && active.next_replies.is_empty()
         });
     }
 }
@@ -400,12 +462,22 @@ impl FaultCounters {
 }
 
 impl Active {
-    fn new(noise: Noise) -> Self {
-        let [request_characters, request_telegrams, reply_characters, reply_telegrams] =
-            [1, 2, 3, 4].map(|stream| Chance::new(noise.seed, stream));
+    fn new(noise: Noise, reflected: f64) -> Self {
+        let [
+            request_characters,
+            request_telegrams,
+            reply_characters,
+            reply_telegrams,
+            in_requests,
+            in_replies,
+        ] = [1, 2, 3, 4, 5, 6].map(|stream| Chance::new(noise.seed, stream));
         Self {
             noise,
-            flips: Flips::new(noise.bit_errors),
+            reflected,
+            flips: flips(noise, reflected),
+            bursts: Bursts::new(noise),
+            request_burst: Burst { chance: in_requests, is_on: false },
+            reply_burst: Burst { chance: in_replies, is_on: false },
             characters: Share::new(noise.character_errors),
             lost_requests: Share::new(noise.lost_requests),
             doubled_requests: Share::new(noise.doubled_requests),
@@ -421,12 +493,63 @@ impl Active {
         }
     }
 
+    fn set_reflected(&mut self, reflected: f64) {
+        self.reflected = reflected;
+        self.flips = flips(self.noise, reflected);
+    }
+
     fn request_character(&mut self, octet: u8) -> Character {
-        character(&mut self.request_characters, &self.flips, self.characters, octet)
+        let flips = self.request_burst.flips(&self.bursts).unwrap_or(&self.flips);
+        character(&mut self.request_characters, flips, self.characters, octet)
     }
 
     fn reply_character(&mut self, octet: u8) -> Character {
-        character(&mut self.reply_characters, &self.flips, self.characters, octet)
+        let flips = self.reply_burst.flips(&self.bursts).unwrap_or(&self.flips);
+        character(&mut self.reply_characters, flips, self.characters, octet)
+    }
+}
+
+/// A bit flips by noise or by reflection; by both it would be right again, but nearly never is.
+fn flips(noise: Noise, reflected: f64) -> Flips {
+    let either = 1.0 - (1.0 - noise.bit_errors) * (1.0 - reflected);
+    Flips::new(if reflected > 0.0 { either } else { noise.bit_errors })
+}
+
+/// Noise in bursts: the model of Gilbert and Elliott, with two states of the line.
+#[derive(Debug)]
+struct Bursts {
+    begin: Share,
+    end: Share,
+    flips: Flips,
+}
+
+/// Whether there is a burst in one direction.
+#[derive(Debug)]
+struct Burst {
+    chance: Chance,
+    is_on: bool,
+}
+
+impl Bursts {
+    fn new(noise: Noise) -> Self {
+        let end = if noise.burst_length >= 1.0 { 1.0 / noise.burst_length } else { 1.0 };
+        Self {
+            begin: Share::new(noise.bursts),
+            end: Share::new(end),
+            flips: Flips::new(noise.burst_bit_errors),
+        }
+    }
+}
+
+impl Burst {
+    /// The bits that flip in the next character, if that is in a burst.
+    fn flips<'a>(&mut self, bursts: &'a Bursts) -> Option<&'a Flips> {
+        self.is_on = self.is_on || self.chance.takes(bursts.begin);
+        if !self.is_on {
+            return None;
+        }
+        self.is_on = !self.chance.takes(bursts.end);
+        Some(&bursts.flips)
     }
 }
 

@@ -14,6 +14,7 @@
 #![forbid(unsafe_code)]
 
 mod brisk;
+pub mod cable;
 pub mod clock;
 mod collision;
 pub mod control;
@@ -34,6 +35,7 @@ pub mod virtual_segment;
 mod wake;
 pub mod wire_tap;
 
+pub use cable::Cable;
 pub use clock::{VirtualClock, WallClock};
 pub use control::{Commands, Control};
 pub use end::{End, EndError, Event, Note, Waker, Written};

@@ -87,6 +87,8 @@ impl Waiting {
 impl<S: Station + RateListener> Line<S> {
     /// A line without stations, whose master is unknown.
     pub(crate) fn new(settings: Settings) -> Self {
+        let mut faults = Faults::default();
+        faults.set_rate(DEFAULT_RATE);
         Self {
             stations: Stations::new(),
             settings,
@@ -99,7 +101,7 @@ impl<S: Station + RateListener> Line<S> {
             late_replies: None,
             bus_life: Instant::ZERO,
             outgoing: [0; 2 * MAX_OCTETS],
-            faults: Faults::default(),
+            faults,
             tap: None,
             in_store: InStore::default(),
             arrived: Vec::new(),
@@ -113,6 +115,7 @@ impl<S: Station + RateListener> Line<S> {
         self.abandon();
         self.rate = rate;
         self.receiver.set_baudrate(self.bus_rate());
+        self.faults.set_rate(self.bus_rate());
         for station in self.stations.as_mut_slice() {
             station.rate_found(now, rate);
         }
@@ -136,6 +139,7 @@ impl<S: Station + RateListener> Line<S> {
         self.abandon();
         self.rate = Some(rate);
         self.receiver.set_baudrate(rate);
+        self.faults.set_rate(rate);
     }
 
     /// Counts a reply that left at `now`, if that is later than it may be.

@@ -79,6 +79,8 @@ pub struct VirtualSegment<S> {
 impl<S: Station> VirtualSegment<S> {
     /// A bus without stations at time `now`, quiet for long.
     pub fn new(now: Instant, rate: Baudrate) -> Self {
+        let mut faults = Faults::default();
+        faults.set_rate(rate);
         Self {
             stations: Stations::new(),
             clock: VirtualClock::new(now),
@@ -87,7 +89,7 @@ impl<S: Station> VirtualSegment<S> {
             idle: rate.duration(idle_time(rate)),
             receiver: Receiver::new(ReceiverMode::Idle, rate),
             quiet_since: Instant::ZERO,
-            faults: Faults::default(),
+            faults,
             collisions: 0,
             tuned: Vec::new(),
             repliers: Vec::new(),
@@ -141,6 +143,7 @@ impl<S: Station> VirtualSegment<S> {
         self.slot = rate.duration(slot_time(rate));
         self.idle = rate.duration(idle_time(rate));
         self.receiver.set_baudrate(rate);
+        self.faults.set_rate(rate);
         (self.all_tuned, self.unfinished) = (false, false);
     }
 

@@ -94,6 +94,7 @@ fn the_same_seed_gives_the_same_conversation_and_another_does_not() {
             doubled_replies: 0.05,
             late_replies: 0.05,
             late_by: Duration::from_micros(50),
+            ..Noise::default()
         };
         bus.faults_mut().set_noise(noise).unwrap();
         let answers: Vec<_> = (0..500).map(|_| format!("{:?}", bus.send(&STATUS_11))).collect();

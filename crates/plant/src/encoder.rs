@@ -1,6 +1,7 @@
 //! One encoder in its world, as a station for any segment.
 
 mod injected;
+mod surroundings;
 
 use bus::RateListener;
 use profibus_dp::fdl::{BaudSetting, ReceiverMode, Station, Window};
@@ -15,12 +16,15 @@ use sch108bex::sensor::ShaftReading;
 use sch108bex::{Device, Identity, PowerOn};
 
 pub use injected::{EncoderCounters, Injected, PresetError};
+pub use surroundings::Reason;
 
+use crate::machine::Machine;
 use crate::report::{Reporter, What};
 use crate::shaft::Shaft;
-use crate::snapshot::{DeviceSnapshot, Snapshot};
+use crate::snapshot::{DeviceSnapshot, MachineSnapshot, Snapshot};
 use crate::store::{Store, StoreError};
 use crate::world::World;
+use crate::world::model::WorldModel;
 
 /// The timing that counts where the end of a segment has no rate of its own.
 const RATE_WITHOUT_A_RATE: Baudrate = bus::segment::DEFAULT_RATE;
@@ -72,6 +76,11 @@ pub struct EncoderStation {
     told_rate: Option<Baudrate>,
     injected: Injected,
     counters: EncoderCounters,
+    /// What changes around it by itself.
+    model: Option<Box<WorldModel>>,
+    /// For the units of the machine.
+    machine: Option<Machine>,
+    too_fast: bool,
     reply: [u8; MAX_OCTETS],
 }
 
@@ -88,6 +97,9 @@ impl EncoderStation {
             told_rate: None,
             injected: Injected::default(),
             counters: EncoderCounters::default(),
+            model: None,
+            machine: None,
+            too_fast: false,
             reply: [0; MAX_OCTETS],
         };
         if station.setup.world.is_powered() {
@@ -130,6 +142,11 @@ impl EncoderStation {
     ///
     /// With power coming back: the store cannot be read.
     pub fn set_world(&mut self, now: Instant, world: World) -> Result<(), StoreError> {
+        self.breathe(now);
+        self.apply_world(now, world)
+    }
+
+    fn apply_world(&mut self, now: Instant, world: World) -> Result<(), StoreError> {
         self.setup.world = world;
         if let Some(device) = &mut self.device {
             device.measure(now, &world.0);
@@ -149,6 +166,7 @@ impl EncoderStation {
     ///
     /// The store cannot be read.
     pub fn power_cycle(&mut self, now: Instant) -> Result<(), StoreError> {
+        self.breathe(now);
         self.power_off(now);
         self.set_power(now)
     }
@@ -167,8 +185,15 @@ impl EncoderStation {
 
     /// What it is like at `now`.
     pub fn snapshot(&mut self, now: Instant) -> Snapshot {
+        self.breathe(now);
         self.latch(now);
         let identity = self.setup.identity;
+        let shaft_position = self.setup.shaft.at(now, identity.variant);
+        let machine = self.machine().map(|machine| MachineSnapshot {
+            unit: machine.unit.clone(),
+            position: machine.position(shaft_position, identity.variant),
+            rope_layer: machine.rope_layer(shaft_position, identity.variant),
+        });
         Snapshot {
             name: self.name().to_owned(),
             at: now,
@@ -176,7 +201,10 @@ impl EncoderStation {
             switches: identity.switches,
             world: self.setup.world,
             shaft: self.setup.shaft.clone(),
-            shaft_position: self.setup.shaft.at(now, identity.variant),
+            shaft_position,
+            rpm: self.setup.shaft.rpm(now),
+            machine,
+            reasons: self.reasons(),
             injected: self.injected,
             counters: self.counters,
             device: self.device().map(DeviceSnapshot::of),
@@ -240,12 +268,19 @@ impl EncoderStation {
         device.measure(now, &world.0);
         self.device = Some(device);
         self.counters.power_ons += 1;
+        if let Some(model) = &mut self.model {
+            model.note_power(now, true);
+        }
         self.latch(now);
         self.keep(now);
     }
 
     fn power_off(&mut self, now: Instant) {
         if self.device.take().is_some() {
+            self.too_fast = false;
+            if let Some(model) = &mut self.model {
+                model.note_power(now, false);
+            }
             self.setup.reporter.tell(now, What::PowerOff);
         }
     }
@@ -256,7 +291,9 @@ impl EncoderStation {
         let Some(device) = &mut self.device else {
             return;
         };
+        let mut newest = None;
         while let Some(latch) = device.latch_needed(now) {
+            newest = Some(latch);
             let reading = if self.injected.sensor_fault {
                 ShaftReading::Fault
             } else {
@@ -264,16 +301,28 @@ impl EncoderStation {
             };
             device.sample(latch, reading);
         }
+        if let Some(latch) = newest
+            && self.may_be_too_fast()
+        {
+            self.watch_speed(latch);
+        }
     }
 
     /// Writes what must be kept by now.
     #[inline]
     fn keep(&mut self, now: Instant) {
+        let worn_out = self.is_worn_out();
         let Some(device) = &mut self.device else {
             return;
         };
         if let Some(record) = device.take_nonvolatile(now) {
-            let written = if self.injected.writes_fail {
+            if self.injected.torn_write {
+                self.tear(now, &record);
+                return;
+            }
+            let written = if worn_out {
+                Err(std::io::Error::other("it is worn out"))
+            } else if self.injected.writes_fail {
                 Err(std::io::Error::other(
                     "the memory refuses to be written, as asked over the control socket",
                 ))
@@ -297,18 +346,27 @@ impl EncoderStation {
 
 impl Station for EncoderStation {
     fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
+        if self.injected.cut_off {
+            return None;
+        }
         self.latch(now);
         self.device.as_mut()?.receive(now, octets)
     }
 
     #[inline]
     fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
+        if self.injected.cut_off {
+            return None;
+        }
         self.counters.telegrams += 1;
         self.latch(now);
         self.device.as_mut()?.indicate(now, telegram)
     }
 
     fn line_error(&mut self, now: Instant) {
+        if self.injected.cut_off {
+            return;
+        }
         self.counters.line_errors += 1;
         self.latch(now);
         if let Some(device) = &mut self.device {
@@ -325,10 +383,13 @@ impl Station for EncoderStation {
         // A new address, and an offset unless another was stored within the last second, is in the
         // store before the master can know of it.
         self.keep(now);
+        // The power may have gone with the write.
+        self.device.as_ref()?;
         self.reply.get(..length)
     }
 
     fn poll(&mut self, now: Instant) {
+        self.breathe(now);
         self.latch(now);
         if let Some(device) = &mut self.device {
             device.poll(now);
@@ -337,7 +398,11 @@ impl Station for EncoderStation {
     }
 
     fn next_deadline(&self) -> Option<Instant> {
-        self.device.as_ref()?.next_deadline()
+        let device = self.device.as_ref().and_then(|device| device.next_deadline());
+        match self.model.as_ref().and_then(|model| model.due()) {
+            None => device,
+            Some(due) => Some(device.map_or(due, |device| device.min(due))),
+        }
     }
 
     fn listening_rate(&self) -> Baudrate {
@@ -345,6 +410,9 @@ impl Station for EncoderStation {
     }
 
     fn address(&self) -> Option<u8> {
+        if self.injected.cut_off {
+            return None;
+        }
         self.device.as_ref()?.address()
     }
 }

@@ -6,7 +6,7 @@ use bus::{Control, Segment, WireTap};
 use profibus_dp::time::Instant;
 use sch108bex::specification::Variant;
 
-use crate::control::Couplings;
+use crate::control::{Couplings, judge};
 use crate::encoder::EncoderStation;
 use crate::plant::{Command, PlantError};
 use crate::snapshot::{PlantSnapshot, SegmentSnapshot};
@@ -111,6 +111,9 @@ fn segment_snapshot(name: String, port: String, segment: &Segment<EncoderStation
         at: segment.now(),
         rate: segment.rate(),
         counters: segment.counters(),
+        cable: faults.cable(),
+        reflected: faults.reflected(),
+        termination: judge(segment.stations(), faults.cable().master_after),
         noise: faults.noise(),
         waiting: faults.waiting(),
         faults: faults.counters(),

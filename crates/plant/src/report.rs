@@ -26,6 +26,10 @@ pub enum What {
     PowerOn(Option<u8>),
     /// The encoder has no power.
     PowerOff,
+    /// The shaft turns faster than the encoder stands (manual 6), in revolutions per minute.
+    TooFast(f64),
+    /// The shaft does not turn too fast any more.
+    SlowAgain,
     /// The bus is not terminated as it has to be. The text says where.
     Termination(Arc<str>),
     /// The memory could not be written; the record before holds. The text says why.
@@ -56,6 +60,10 @@ impl std::fmt::Display for What {
             Self::PowerOn(Some(address)) => write!(f, "power on, station address {address}"),
             Self::PowerOn(None) => f.write_str("power on, but the switches keep it off the bus"),
             Self::PowerOff => f.write_str("power off"),
+            Self::TooFast(rpm) => {
+                write!(f, "the shaft turns at {rpm:.0} RPM, and 3000 RPM is the most it stands (manual 6)")
+            }
+            Self::SlowAgain => f.write_str("the shaft is below 3000 RPM again"),
             Self::Termination(complaint) => write!(f, "termination: {complaint} (manual 3.3)"),
             Self::NotStored(why) => write!(f, "the memory was not written: {why}; it is tried again"),
             Self::MasterCame(found) => write!(f, "a master has opened the bus at {}", rate(found)),

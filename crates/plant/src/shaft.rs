@@ -153,7 +153,6 @@ impl Shaft {
 
     /// Whether the speed can be above so many revolutions per minute, without a closer look.
     #[inline]
-    #[expect(dead_code, reason = "soon")]
     pub(crate) fn may_exceed(&self, rpm: i64) -> bool {
         self.moving.is_some() || self.speed.unsigned_abs() > rpm.unsigned_abs() * 1_000_000
     }

@@ -1,6 +1,6 @@
 //! Everything that is shown anywhere of a running plant, at one moment; as JSON too.
 
-use bus::{Counters, FaultCounters, Noise};
+use bus::{Cable, Counters, FaultCounters, Noise};
 use profibus_dp::dp::State;
 use profibus_dp::fdl::Station;
 use profibus_dp::time::{Baudrate, Instant};
@@ -13,7 +13,7 @@ use sch108bex::scaling::Scaling;
 use sch108bex::{Device, Identity};
 use serde::{Serialize, Serializer};
 
-use crate::encoder::{EncoderCounters, Injected};
+use crate::encoder::{EncoderCounters, Injected, Reason};
 use crate::report::Reporter;
 use crate::shaft::Shaft;
 use crate::world::World;
@@ -40,6 +40,12 @@ pub struct SegmentSnapshot {
     pub rate: Option<Baudrate>,
     /// What was counted.
     pub counters: Counters,
+    /// The cable: the master's place, and a cut.
+    pub cable: Cable,
+    /// The share of bits that flip because of the termination.
+    pub reflected: f64,
+    /// What is wrong with the termination, as sentences.
+    pub termination: Vec<String>,
     /// What goes wrong by chance.
     pub noise: Option<Noise>,
     /// Faults by request that wait for requests, and for replies.
@@ -48,8 +54,19 @@ pub struct SegmentSnapshot {
     pub faults: FaultCounters,
 }
 
+/// Where a machine is, in its unit.
+#[derive(Debug, Clone, PartialEq, Serialize)]
+pub struct MachineSnapshot {
+    /// The unit.
+    pub unit: String,
+    /// So many of it.
+    pub position: f64,
+    /// The layer of rope that is being wound, from 1, on a drum.
+    pub rope_layer: Option<u32>,
+}
+
 /// An encoder at one moment.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Snapshot {
     /// Its name.
     pub name: String,
@@ -65,6 +82,12 @@ pub struct Snapshot {
     pub shaft: Shaft,
     /// Where the shaft is, in physical counts, turns included.
     pub shaft_position: i64,
+    /// Its speed in revolutions per minute, positive clockwise.
+    pub rpm: f64,
+    /// Where the machine is that turns it, if it is known.
+    pub machine: Option<MachineSnapshot>,
+    /// What around it is not as it should be.
+    pub reasons: Vec<Reason>,
     /// What is wrong by request.
     pub injected: Injected,
     /// What was counted.
@@ -138,6 +161,8 @@ struct SegmentView<'a> {
     at_ns: u64,
     rate: Option<u32>,
     counters: serde_json::Value,
+    cable: serde_json::Value,
+    termination: &'a [String],
     line: Option<NoiseView>,
     waiting_request_faults: usize,
     waiting_reply_faults: usize,
@@ -155,6 +180,9 @@ struct NoiseView {
     doubled_replies: f64,
     late_replies: f64,
     late_by_us: u64,
+    bursts: f64,
+    burst_length: f64,
+    burst_bit_errors: f64,
 }
 
 #[derive(Serialize)]
@@ -167,10 +195,13 @@ struct EncoderView<'a> {
     switches: String,
     shaft: String,
     shaft_position: i64,
+    rpm: f64,
+    machine: Option<&'a MachineSnapshot>,
     volts: f64,
     celsius: f64,
     light: &'static str,
     battery: &'static str,
+    reasons: &'a [Reason],
     injected: Injected,
     counters: EncoderCounters,
     device: Option<DeviceView>,
@@ -222,6 +253,13 @@ impl Serialize for SegmentSnapshot {
                 "line_errors": line_errors,
                 "after_max_tsdr": after_max_tsdr,
             }),
+            cable: serde_json::json!({
+                "master_after": self.cable.master_after,
+                "cut_after": self.cable.cut_after,
+                "reflections": self.cable.mismatches.is_some(),
+                "reflected_bit_errors": self.reflected,
+            }),
+            termination: &self.termination,
             line: self.noise.map(NoiseView::from),
             waiting_request_faults: self.waiting.0,
             waiting_reply_faults: self.waiting.1,
@@ -251,6 +289,9 @@ impl From<Noise> for NoiseView {
             doubled_replies: noise.doubled_replies,
             late_replies: noise.late_replies,
             late_by_us: noise.late_by.as_nanos() / 1_000,
+            bursts: noise.bursts,
+            burst_length: noise.burst_length,
+            burst_bit_errors: noise.burst_bit_errors,
         }
     }
 }
@@ -267,6 +308,8 @@ impl Serialize for Snapshot {
             switches: self.switches.to_string(),
             shaft: self.shaft.to_string(),
             shaft_position: self.shaft_position,
+            rpm: self.rpm,
+            machine: self.machine.as_ref(),
             volts: f64::from(measured.supply_mv) / 1e3,
             celsius: f64::from(measured.temperature_tenths) / 10.0,
             light: if measured.light_ok { "ok" } else { "low" },
@@ -275,6 +318,7 @@ impl Serialize for Snapshot {
                 Battery::Low => "low",
                 Battery::Empty => "empty",
             },
+            reasons: &self.reasons,
             injected: self.injected,
             counters: self.counters,
             device: self.device.as_ref().map(DeviceView::from),

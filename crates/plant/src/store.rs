@@ -167,6 +167,22 @@ impl Store {
         }
     }
 
+    /// Writes the first half of a record into its slot, as when the power goes meanwhile.
+    pub(crate) fn write_half(&mut self, record: &NonvolatileWrite) -> io::Result<()> {
+        let half = &record.octets[..SLOT_OCTETS / 2];
+        match self {
+            Self::Memory([a, b]) => {
+                let slot = if record.slot == Slot::A { a } else { b };
+                slot.get_or_insert([0xFF; SLOT_OCTETS])[..half.len()].copy_from_slice(half);
+                Ok(())
+            }
+            Self::File { file, .. } => {
+                let offset = if record.slot == Slot::A { 0 } else { SLOT_OCTETS as u64 };
+                file.write_all_at(half, offset)
+            }
+        }
+    }
+
     /// Damages what slot A and slot B hold, where asked to.
     ///
     /// # Errors

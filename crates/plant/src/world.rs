@@ -1,5 +1,7 @@
 //! The world around an encoder.
 
+pub(crate) mod model;
+
 use sch108bex::health::{Battery, Measurement};
 use sch108bex::specification::SUPPLY_OFF_BELOW_MV;
 

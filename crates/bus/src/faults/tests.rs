@@ -157,3 +157,61 @@ fn what_is_no_share_is_refused() {
     let late = Noise { late_by: Duration::from_secs(11), ..Noise::default() };
     assert_eq!(late.check(), Err(NoiseError::TooLate));
 }
+
+// A hundredth of characters begin a burst of ten on average: about a burst in 110 characters, so that one
+// in eleven is in a burst, in which nearly each has a flip (1 - 0.5^11).
+#[test]
+fn bursts_come_and_go_as_often_as_they_should() {
+    let noise =
+        Noise { seed: 5, bursts: 0.01, burst_length: 10.0, burst_bit_errors: 0.5, ..Noise::default() };
+    let mut faults = Faults::default();
+    faults.set_noise(noise).expect("a noise");
+    assert!(faults.noise().is_some());
+    let mut again = Faults::default();
+    again.set_noise(noise).expect("a noise");
+    let sent = [0x55; 200];
+    let (mut damaged, mut runs, mut before) = (0, 0, false);
+    for _ in 0..500 {
+        let arrived = faults.request(&sent, true);
+        assert_eq!(again.request(&sent, true), arrived, "the same seed, the same noise");
+        for character in arrived {
+            let is = character != Character { octet: 0x55, error: false };
+            damaged += u32::from(is);
+            runs += u32::from(is && !before);
+            before = is;
+        }
+    }
+    assert!((8_000..10_200).contains(&damaged), "{damaged} of 100000");
+    assert!((700..1_200).contains(&runs), "{runs} bursts");
+}
+
+#[test]
+fn a_burst_has_a_length_and_needs_a_beginning() {
+    let wrong = Noise { bursts: 0.1, ..Noise::default() };
+    assert_eq!(wrong.check(), Err(NoiseError::BurstLength(0.0)));
+    assert!(Noise { burst_bit_errors: 0.5, burst_length: 5.0, ..Noise::default() }.is_quiet());
+}
+
+// Two wrong devices at 12 Mbit/s: 0.006 of the bits, so 1 - 0.994^11 = 6.4 % of characters have a flip.
+#[test]
+fn a_wrong_termination_damages_bits_by_the_rate_until_it_is_right() {
+    let mut faults = Faults::default();
+    faults.set_rate(Baudrate::B12000000);
+    faults.set_cable(Cable { mismatches: Some(2), ..Cable::default() });
+    let sent = [0x55; 10_000];
+    let damaged = |faults: &mut Faults| {
+        let arrived = faults.request(&sent, true);
+        arrived.iter().filter(|character| character.error || character.octet != 0x55).count()
+    };
+    let found = damaged(&mut faults);
+    assert!((540..740).contains(&found), "{found}");
+    faults.clear();
+    assert!(faults.is_active(), "a quiet line does not end it");
+    faults.set_rate(Baudrate::B93750);
+    assert_eq!(damaged(&mut faults), 0);
+    assert!(!faults.is_active());
+    faults.set_rate(Baudrate::B12000000);
+    assert!(faults.is_active());
+    faults.set_cable(Cable { mismatches: Some(0), ..Cable::default() });
+    assert!(!faults.is_active());
+}

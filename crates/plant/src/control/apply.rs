@@ -17,6 +17,7 @@ use crate::handle::Handle;
 use crate::snapshot::{PlantSnapshot, Snapshot};
 use crate::store::StoreError;
 use crate::world::World;
+use crate::world::model::WorldModel;
 
 /// What a request gives back beyond that it was done.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -58,6 +59,17 @@ impl Handle {
             | Request::Sensor { .. }
             | Request::Memory { .. }
             | Request::OperatingTime { .. } => self.apply_to_device(request).map(|()| None),
+            Request::SupplyProfile { .. }
+            | Request::BrownOut { .. }
+            | Request::Thermal { .. }
+            | Request::LedAgeing { .. }
+            | Request::Discharge { .. }
+            | Request::Endurance { .. }
+            | Request::Units { .. }
+            | Request::Termination { .. }
+            | Request::Cut { .. }
+            | Request::Mend { .. }
+            | Request::Reflections { .. } => self.apply_over_time(request).map(|()| None),
             Request::Line { segment, .. } => {
                 let noise = request.noise();
                 self.with_segments(segment.as_ref(), move |segment| set_noise(segment.faults_mut(), noise))?;
@@ -73,15 +85,33 @@ impl Handle {
             Request::Shaft { encoder, shaft } => self.set_shaft(encoder.as_ref(), shaft),
             Request::Supply { encoder, volts } => {
                 let supply_mv = rounded(volts * 1e3);
-                self.change_world(encoder.as_ref(), move |world| world.supply_mv = supply_mv)
+                self.change_world(
+                    encoder.as_ref(),
+                    |model| model.supply = None,
+                    move |world| {
+                        world.supply_mv = supply_mv;
+                    },
+                )
             }
             Request::Temperature { encoder, celsius } => {
                 let tenths = i16::try_from(rounded(celsius * 10.0)).unwrap_or_default();
-                self.change_world(encoder.as_ref(), move |world| world.temperature_tenths = tenths)
+                self.change_world(
+                    encoder.as_ref(),
+                    |model| model.thermal = None,
+                    move |world| {
+                        world.temperature_tenths = tenths;
+                    },
+                )
             }
             Request::Light { encoder, state } => {
                 let light_ok = *state == Light::Ok;
-                self.change_world(encoder.as_ref(), move |world| world.light_ok = light_ok)
+                self.change_world(
+                    encoder.as_ref(),
+                    |model| model.led = None,
+                    move |world| {
+                        world.light_ok = light_ok;
+                    },
+                )
             }
             Request::Battery { encoder, state } => {
                 let battery = match state {
@@ -89,7 +119,13 @@ impl Handle {
                     BatteryState::Low => Battery::Low,
                     BatteryState::Empty => Battery::Empty,
                 };
-                self.change_world(encoder.as_ref(), move |world| world.battery = battery)
+                self.change_world(
+                    encoder.as_ref(),
+                    |model| model.battery = None,
+                    move |world| {
+                        world.battery = battery;
+                    },
+                )
             }
             _ => Ok(()),
         }
@@ -160,9 +196,11 @@ impl Handle {
     fn change_world(
         &self,
         encoder: Option<&Which>,
+        stop: impl Fn(&mut WorldModel) + Copy + Send + 'static,
         change: impl Fn(&mut Measurement) + Copy + Send + 'static,
     ) -> Result<(), ControlError> {
         self.with(encoder, move |station, now| {
+            station.stop_following(now, stop);
             let World(mut world) = station.world();
             change(&mut world);
             station.set_world(now, World(world))
@@ -229,7 +267,9 @@ fn spoil(station: &mut EncoderStation, fault: MemoryFault) -> Result<(), StoreEr
         MemoryFault::DamageA => station.damage_memory([true, false])?,
         MemoryFault::DamageB => station.damage_memory([false, true])?,
         MemoryFault::LostAtPowerOn => station.lose_memory(true),
+        MemoryFault::TornWrite => station.tear_next_write(true),
         MemoryFault::Off => {
+            station.tear_next_write(false);
             station.fail_writes(false);
             station.lose_memory(false);
         }

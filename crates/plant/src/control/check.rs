@@ -91,7 +91,7 @@ impl Request {
                 parsed_mask(mask).map(drop)
             }
             Self::CharacterError { octet, .. } => numbered(*octet).map(drop),
-            _ => Ok(()),
+            _ => self.check_surroundings(),
         }
     }
 
@@ -108,6 +108,9 @@ impl Request {
                 doubled_replies,
                 late_replies,
                 late_by_us,
+                bursts,
+                burst_length,
+                burst_bit_errors,
                 ..
             } => Noise {
                 seed,
@@ -119,6 +122,10 @@ impl Request {
                 doubled_replies,
                 late_replies,
                 late_by: Duration::from_micros(late_by_us),
+                bursts,
+                // Alone they make no noise.
+                burst_length: if bursts > 0.0 { burst_length } else { 0.0 },
+                burst_bit_errors: if bursts > 0.0 { burst_bit_errors } else { 0.0 },
             },
             _ => Noise::default(),
         }

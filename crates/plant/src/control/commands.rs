@@ -48,7 +48,7 @@ pub const COMMANDS: &[CommandHelp] = &[
     ),
     command(
         "memory",
-        "a fault of the memory: writes_fail, damage_a, damage_b, lost_at_power_on or off",
+        "a fault of the memory: writes_fail, damage_a, damage_b, lost_at_power_on, torn_write or off",
         r#"{"do":"memory","fault":"writes_fail"}"#,
     ),
     command(
@@ -56,6 +56,49 @@ pub const COMMANDS: &[CommandHelp] = &[
         "the operating time that is stored, while the power is off",
         r#"{"do":"operating_time","hours":87600}"#,
     ),
+    command(
+        "supply_profile",
+        "a supply voltage over time: points of seconds and volts, with repeat for ever",
+        r#"{"do":"supply_profile","points":[[0,24],[2,24],[2,5],[2.5,24]]}"#,
+    ),
+    command("brown_out", "another supply voltage for a time", r#"{"do":"brown_out","volts":8,"for_s":0.2}"#),
+    command(
+        "thermal",
+        "the temperature inside runs after that around it and its own heat",
+        r#"{"do":"thermal","ambient":40,"time_constant_s":600,"kelvin_per_watt":10}"#,
+    ),
+    command(
+        "led_ageing",
+        "the LED has so many hours under power left",
+        r#"{"do":"led_ageing","hours":1000}"#,
+    ),
+    command(
+        "discharge",
+        "the battery gives its charge away: how long a full one lasts without power and with it",
+        r#"{"do":"discharge","charge":50,"hours_without_power":8760}"#,
+    ),
+    command(
+        "endurance",
+        "how many writes the memory takes until it is worn out; null for any number",
+        r#"{"do":"endurance","writes":100000}"#,
+    ),
+    command(
+        "units",
+        "the machine that turns the shaft, for its units in the snapshot; null for that of the shaft",
+        r#"{"do":"units","machine":{"unit":"m","per_turn":0.5,"zero":65536}}"#,
+    ),
+    command(
+        "termination",
+        "the two termination switches of an encoder",
+        r#"{"do":"termination","first":true,"second":true}"#,
+    ),
+    command(
+        "cut",
+        "the cable is cut after so many devices, the master among them",
+        r#"{"do":"cut","after":2}"#,
+    ),
+    command("mend", "the cable is whole again", r#"{"do":"mend"}"#),
+    command("reflections", "whether a wrong termination damages bits", r#"{"do":"reflections","on":true}"#),
     command(
         "line",
         "what goes wrong by chance, as shares from 0 to 1; alone: nothing any more",

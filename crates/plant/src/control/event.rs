@@ -71,6 +71,8 @@ fn describe(what: &What) -> (&'static str, Value) {
         What::Device(event) => describe_device(event),
         What::PowerOn(address) => ("power_on", json!({ "address": address })),
         What::PowerOff => ("power_off", Value::Null),
+        What::TooFast(rpm) => ("too_fast", json!({ "rpm": rpm })),
+        What::SlowAgain => ("slow_again", Value::Null),
         What::Termination(_) => ("termination", Value::Null),
         What::NotStored(_) => ("not_stored", Value::Null),
         What::MasterCame(found) => ("master_came", rate(found)),

@@ -15,6 +15,7 @@ mod request;
 mod server;
 mod shafts;
 mod subscriptions;
+mod surroundings;
 mod target;
 mod values;
 
@@ -28,5 +29,6 @@ pub use request::Request;
 pub use server::{MOST_CONNECTIONS, MOST_OCTETS, Server};
 pub(crate) use shafts::Couplings;
 pub use subscriptions::{Item, Subscription, Subscriptions};
+pub(crate) use surroundings::judge;
 pub use target::Which;
 pub use values::{BatteryState, Light, MemoryFault, Power, SensorFault, ShaftSpec};

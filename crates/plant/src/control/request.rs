@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::control::target::Which;
 use crate::control::values::{BatteryState, Light, MemoryFault, Power, SensorFault, ShaftSpec};
+use crate::machine::Machine;
 
 /// A request. In JSON `do` names it, and its fields stand beside.
 ///
@@ -25,6 +26,108 @@ pub enum Request {
         encoder: Option<Which>,
         /// -100 to 100; below 6 V and with reversed poles the device is off.
         volts: f64,
+    },
+    /// A supply voltage that changes over time, in straight lines through points.
+    SupplyProfile {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// Seconds from now and volts, in order of time; two at one time are a jump. The last one stays.
+        points: Vec<(f64, f64)>,
+        /// At the time of the last point it begins anew.
+        #[serde(default)]
+        repeat: bool,
+    },
+    /// Another supply voltage for a time, then that of before again.
+    BrownOut {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// -100 to 100.
+        volts: f64,
+        /// Seconds.
+        for_s: f64,
+    },
+    /// From now on the temperature inside runs after that around and the heat of the encoder itself.
+    Thermal {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// Degrees Celsius around it.
+        ambient: f64,
+        /// Seconds until 63 percent of a change have come.
+        #[serde(default = "ten_minutes")]
+        time_constant_s: f64,
+        /// By how much a watt warms it.
+        #[serde(default)]
+        kelvin_per_watt: f64,
+        /// What it takes from its supply: 70 mA at 24 V (manual 6) if left out.
+        #[serde(default = "usual_watts")]
+        watts: f64,
+    },
+    /// The LED ages: its reserve lasts for so much more time under power.
+    LedAgeing {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// Hours.
+        hours: f64,
+    },
+    /// The battery gives its charge away.
+    Discharge {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// Percent that are in it now.
+        #[serde(default = "hundred")]
+        charge: f64,
+        /// Percent below which it is low.
+        #[serde(default = "twenty")]
+        low: f64,
+        /// How many hours a full one lasts without external power.
+        hours_without_power: f64,
+        /// And with it; left out: for ever.
+        hours_with_power: Option<f64>,
+    },
+    /// How many writes the memory takes until it is worn out.
+    Endurance {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// As `memory_writes` in the snapshot counts them; `null`: any number.
+        writes: Option<u64>,
+    },
+    /// The machine that turns the shaft, for its units in the snapshot.
+    Units {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// The machine; `null`: that of the shaft.
+        machine: Option<Machine>,
+    },
+    /// The two termination switches of an encoder (manual 3.3).
+    Termination {
+        /// Which encoder.
+        encoder: Option<Which>,
+        /// The first is on.
+        first: bool,
+        /// The second is on.
+        second: bool,
+    },
+    /// The cable is cut: who is on the far side from the master is not heard, and hears nothing.
+    Cut {
+        /// Which segment.
+        segment: Option<Which>,
+        /// So many devices, the master among them, are in front of the cut.
+        after: usize,
+        /// So many encoders are in front of the master; 0 if left out.
+        #[serde(default)]
+        master_after: usize,
+    },
+    /// The cable is whole again.
+    Mend {
+        /// Which segment.
+        segment: Option<Which>,
+    },
+    /// Whether a wrong termination damages bits.
+    Reflections {
+        /// Which segment.
+        segment: Option<Which>,
+        /// Whether it does.
+        on: bool,
     },
     /// Another temperature inside.
     Temperature {
@@ -114,6 +217,15 @@ pub enum Request {
         /// How late, in microseconds; at most 10 s.
         #[serde(default)]
         late_by_us: u64,
+        /// The share of characters with which a burst of noise begins.
+        #[serde(default)]
+        bursts: f64,
+        /// How many characters a burst lasts on average.
+        #[serde(default = "ten")]
+        burst_length: f64,
+        /// The share of bits that flip within a burst.
+        #[serde(default = "tenth")]
+        burst_bit_errors: f64,
     },
     /// The next requests to an encoder are heard by nobody.
     LoseRequests {
@@ -201,6 +313,30 @@ pub enum Request {
 
 const fn one() -> usize {
     1
+}
+
+const fn ten_minutes() -> f64 {
+    600.0
+}
+
+const fn usual_watts() -> f64 {
+    1.68
+}
+
+const fn hundred() -> f64 {
+    100.0
+}
+
+const fn twenty() -> f64 {
+    20.0
+}
+
+const fn ten() -> f64 {
+    10.0
+}
+
+const fn tenth() -> f64 {
+    0.1
 }
 
 fn lowest_bit() -> String {

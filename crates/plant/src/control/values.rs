@@ -79,6 +79,8 @@ pub enum MemoryFault {
     DamageB,
     /// The next power-on finds both slots damaged.
     LostAtPowerOn,
+    /// The power goes during the next write, and stays off.
+    TornWrite,
     /// Writes succeed again, and the next power-on finds what was written.
     Off,
 }

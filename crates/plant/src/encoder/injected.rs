@@ -1,11 +1,14 @@
 //! What goes wrong with an encoder by request, and how often what happened to it.
 
 use profibus_dp::time::Instant;
+use sch108bex::NonvolatileWrite;
+use sch108bex::end_cap::TerminationSwitches;
 use sch108bex::event::PositionErrorCause;
 use sch108bex::nonvolatile::Record;
 use serde::Serialize;
 
 use super::EncoderStation;
+use crate::report::What;
 use crate::shaft::{Coupling, Shaft};
 use crate::store::StoreError;
 
@@ -22,6 +25,12 @@ pub struct Injected {
     pub writes_fail: bool,
     /// The next power-on finds both records damaged.
     pub memory_lost_at_power_on: bool,
+    /// The power goes during the next write to the memory.
+    pub torn_write: bool,
+    /// So many writes the memory takes, counted as `memory_writes`; `None`: any number.
+    pub endurance: Option<u64>,
+    /// The cable is cut between it and the master.
+    pub cut_off: bool,
 }
 
 /// How often what happened to an encoder since it was made.
@@ -76,6 +85,7 @@ impl EncoderStation {
     ///
     /// Switched on: the store cannot be read.
     pub fn switch_power(&mut self, now: Instant, on: bool) -> Result<(), StoreError> {
+        self.breathe(now);
         self.latch(now);
         self.injected.switched_off = !on;
         self.set_power(now)
@@ -165,5 +175,45 @@ impl EncoderStation {
     pub fn move_shaft_to(&mut self, now: Instant, raw: i64) {
         self.latch(now);
         self.setup.shaft.at_once(now, raw, self.setup.identity.variant);
+    }
+
+    /// Whether the power goes during the next write to the memory, and stays off until it is switched on.
+    pub fn tear_next_write(&mut self, tear: bool) {
+        self.injected.torn_write = tear;
+    }
+
+    /// Half of a record gets into its slot, then the power is gone.
+    pub(super) fn tear(&mut self, now: Instant, record: &NonvolatileWrite) {
+        self.injected.torn_write = false;
+        self.injected.switched_off = true;
+        self.counters.memory_writes_failed += 1;
+        if let Err(error) = self.setup.store.write_half(record) {
+            self.setup.reporter.tell(now, What::NotStored(error.to_string().into()));
+        }
+        self.power_off(now);
+    }
+
+    /// How many writes the memory takes before it is worn out, counted from the start.
+    pub fn set_endurance(&mut self, writes: Option<u64>) {
+        self.injected.endurance = writes;
+    }
+
+    /// Whether the cable is cut between the encoder and the master. It keeps its power.
+    pub fn cut_off(&mut self, now: Instant, cut: bool) {
+        self.latch(now);
+        self.injected.cut_off = cut;
+        if let Some(device) = &mut self.device {
+            device.forget_unfinished();
+        }
+    }
+
+    /// Its two termination switches (manual 3.3).
+    pub fn termination(&self) -> TerminationSwitches {
+        self.setup.termination
+    }
+
+    /// Turns its termination switches.
+    pub fn set_termination(&mut self, switches: TerminationSwitches) {
+        self.setup.termination = switches;
     }
 }

@@ -86,6 +86,10 @@ enum Command {
         #[arg(value_parser = decimal, allow_negative_numbers = true)]
         hours: f64,
     },
+    /// Take it off the bus; it keeps its power
+    Leave,
+    /// Put it on the bus again
+    Join,
     /// What goes wrong on the line by chance, like seed=7 lost_replies=0.01; off for a quiet line
     Line {
         /// seed, late_by_us, and as shares from 0 to 1 bit_errors, character_errors, lost_requests,
@@ -229,6 +233,8 @@ impl Command {
                 | Self::Sensor { .. }
                 | Self::Memory { .. }
                 | Self::OperatingTime { .. }
+                | Self::Leave
+                | Self::Join
                 | Self::Snapshot
         )
     }
@@ -246,6 +252,8 @@ impl Command {
             Self::Sensor { fault } => ("sensor", json!({ "fault": fault })),
             Self::Memory { fault } => ("memory", json!({ "fault": fault })),
             Self::OperatingTime { hours } => ("operating_time", json!({ "hours": hours })),
+            Self::Leave => ("leave", Value::Null),
+            Self::Join => ("join", Value::Null),
             Self::Line { values } => ("line", noise(values)?),
             Self::LoseRequests { count } => ("lose_requests", json!({ "count": count })),
             Self::LoseReplies { count } => ("lose_replies", json!({ "count": count })),

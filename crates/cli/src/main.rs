@@ -19,6 +19,7 @@ mod recording;
 mod replay;
 mod run;
 mod scaling;
+mod scenario;
 mod search;
 mod thinning;
 
@@ -60,6 +61,8 @@ enum Command {
     Gsd(gsd::Gsd),
     /// The manual's technical data
     Datasheet(datasheet::Datasheet),
+    /// Scenarios: files that say who is on which bus, what happens and what must hold
+    Scenario(scenario::Scenario),
     /// Steer encoders that run with --control PATH: shaft, world, power, faults, snapshot, events
     Ctl(ctl::Ctl),
 }
@@ -94,6 +97,7 @@ fn main() -> ExitCode {
             datasheet.run();
             Ok(())
         }
+        Some(Command::Scenario(scenario)) => scenario.run(),
         Some(Command::Ctl(ctl)) => ctl.ctl(),
     };
     let lost = output::lost().filter(|_| !tells);

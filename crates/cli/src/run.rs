@@ -33,6 +33,12 @@ use crate::thinning::Thinning;
 /// must be kept is written first. It goes on where nobody reads its standard output any more.
 #[derive(Debug, Args)]
 pub(crate) struct Run {
+    /// A scenario file: its segments on their ports, and its events in real time; docs/scenarios.md has
+    /// what stands in it. Beside it only --control can be given
+    #[arg(value_name = "FILE", conflicts_with_all = ["port", "link", "baud", "pace", "switches", "bits", "ident",
+        "gsd", "serial", "state", "reset_state", "shaft", "supply", "temperature", "light", "battery",
+        "termination", "capture", "link_type", "reply_limit", "max_tsdr", "further"])]
+    scenario: Option<PathBuf>,
     /// Where the bus is
     ///
     /// pty: a new pseudo terminal, which your master opens like a serial port.
@@ -124,7 +130,7 @@ pub(crate) struct Run {
 }
 
 /// What the main thread waits for.
-enum Wake {
+pub(crate) enum Wake {
     Report(Report),
     End,
 }
@@ -132,6 +138,9 @@ enum Wake {
 impl Run {
     /// Runs until it is told to end.
     pub(crate) fn run(&self) -> Result<(), Failure> {
+        if let Some(file) = &self.scenario {
+            return crate::scenario::live::run(file, self.control.as_deref());
+        }
         self.check_port()?;
         let (to_main, wakes) = mpsc::channel();
         let subscriptions = Subscriptions::new();
@@ -166,7 +175,7 @@ impl Run {
             output::line(&note);
         }
         plant.start_shafts().map_err(failed)?;
-        let control = self.serve_control(&plant, subscriptions, &to_main)?;
+        let control = serve_control(self.control.as_deref(), &plant, subscriptions, &to_main)?;
         output::line("ready");
         drop(to_main);
         tell_until_end(&wakes);
@@ -187,24 +196,6 @@ impl Run {
         let recorder = recording::start(path, self.link_type, bus)?;
         plant.handle().set_tap("bus", Some(Box::new(recorder.tap()))).map_err(failed)?;
         Ok(Some(recorder))
-    }
-
-    /// The control socket, where one is asked for.
-    fn serve_control(
-        &self,
-        plant: &Plant,
-        subscriptions: Subscriptions,
-        to_main: &Sender<Wake>,
-    ) -> Result<Option<Server>, Failure> {
-        let Some(path) = &self.control else {
-            return Ok(None);
-        };
-        let to_main = to_main.clone();
-        let end = move || {
-            let _ = to_main.send(Wake::End);
-        };
-        let server = Server::start(path, plant.handle(), subscriptions, end);
-        server.map(Some).map_err(|error| Failure::Failed(format!("--control: {error}")))
     }
 
     /// What does not go together with this --port.
@@ -313,6 +304,24 @@ impl Run {
     }
 }
 
+/// The control socket, where one is asked for.
+pub(crate) fn serve_control(
+    path: Option<&Path>,
+    plant: &Plant,
+    subscriptions: Subscriptions,
+    to_main: &Sender<Wake>,
+) -> Result<Option<Server>, Failure> {
+    let Some(path) = path else {
+        return Ok(None);
+    };
+    let to_main = to_main.clone();
+    let end = move || {
+        let _ = to_main.send(Wake::End);
+    };
+    let server = Server::start(path, plant.handle(), subscriptions, end);
+    server.map(Some).map_err(|error| Failure::Failed(format!("--control: {error}")))
+}
+
 fn open_store(path: Option<&Path>, variant: Variant, reset: bool) -> Result<Store, Failure> {
     match path {
         None => Ok(Store::forgetful()),
@@ -321,7 +330,7 @@ fn open_store(path: Option<&Path>, variant: Variant, reset: bool) -> Result<Stor
 }
 
 /// A damaged slot that the other one stood in for.
-fn note_on_state(name: &str, stored: &Choice) -> Option<String> {
+pub(crate) fn note_on_state(name: &str, stored: &Choice) -> Option<String> {
     let Choice::Use { other_damaged: Some(fault), slot, .. } = stored else {
         return None;
     };
@@ -332,7 +341,12 @@ fn note_on_state(name: &str, stored: &Choice) -> Option<String> {
 }
 
 /// Why an encoder cannot be reached, where it cannot.
-fn note_on_address(name: &str, identity: &Identity, stored: &Choice, world: World) -> Option<String> {
+pub(crate) fn note_on_address(
+    name: &str,
+    identity: &Identity,
+    stored: &Choice,
+    world: World,
+) -> Option<String> {
     if !world.is_powered() {
         return Some(format!("{name}: off, {} V are too little to run", f64::from(world.0.supply_mv) / 1e3));
     }
@@ -350,7 +364,7 @@ fn note_on_address(name: &str, identity: &Identity, stored: &Choice, world: Worl
 }
 
 /// Reports come to the main thread by the same way as the signals.
-fn forward_reports(to_main: &Sender<Wake>, subscriptions: Subscriptions) -> Sender<Report> {
+pub(crate) fn forward_reports(to_main: &Sender<Wake>, subscriptions: Subscriptions) -> Sender<Report> {
     let (reports, from) = mpsc::channel();
     let to_main = to_main.clone();
     std::thread::spawn(move || {
@@ -366,7 +380,7 @@ fn forward_reports(to_main: &Sender<Wake>, subscriptions: Subscriptions) -> Send
     reports
 }
 
-fn end_on_signals(to_main: &Sender<Wake>) -> Result<(), Failure> {
+pub(crate) fn end_on_signals(to_main: &Sender<Wake>) -> Result<(), Failure> {
     let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
         .map_err(|error| Failure::Failed(format!("cannot take note of Ctrl-C: {error}")))?;
     let to_main = to_main.clone();
@@ -378,7 +392,7 @@ fn end_on_signals(to_main: &Sender<Wake>) -> Result<(), Failure> {
 }
 
 /// Prints what happens; what happens again and again is thinned out.
-fn tell_until_end(wakes: &mpsc::Receiver<Wake>) {
+pub(crate) fn tell_until_end(wakes: &mpsc::Receiver<Wake>) {
     const QUIET: Duration = Duration::from_secs(1);
     let mut thinning = Thinning::default();
     let mut searches = Searches::default();
@@ -410,7 +424,7 @@ fn tell_until_end(wakes: &mpsc::Receiver<Wake>) {
 }
 
 /// Encoders that answer to the same address: their replies collide.
-fn shared_addresses(encoders: &[Snapshot]) -> Vec<String> {
+pub(crate) fn shared_addresses(encoders: &[Snapshot]) -> Vec<String> {
     let address = |encoder: &Snapshot| encoder.device.and_then(|device| device.address);
     let mut notes = Vec::new();
     for (at, one) in encoders.iter().enumerate() {
@@ -426,6 +440,6 @@ fn shared_addresses(encoders: &[Snapshot]) -> Vec<String> {
     notes
 }
 
-fn failed(error: impl std::fmt::Display) -> Failure {
+pub(crate) fn failed(error: impl std::fmt::Display) -> Failure {
     Failure::Failed(error.to_string())
 }

@@ -9,6 +9,7 @@ pub mod control;
 pub mod device;
 pub mod gsd;
 pub mod receiver;
+pub mod scenario;
 pub mod state;
 mod tape;
 mod telegrams;
@@ -17,10 +18,11 @@ mod telegrams;
 pub type Body = fn(&[u8]);
 
 /// All bodies by the names of their fuzz targets and corpora.
-pub const BODIES: [(&str, Body); 5] = [
+pub const BODIES: [(&str, Body); 6] = [
     ("control", control::control),
     ("device", device::device),
     ("gsd", gsd::gsd),
     ("receiver", receiver::receiver),
+    ("scenario", scenario::scenario),
     ("state", state::state),
 ];

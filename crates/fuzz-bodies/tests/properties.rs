@@ -66,6 +66,11 @@ fn gsd_over_its_corpus() {
 }
 
 #[test]
+fn scenario_over_its_corpus() {
+    over_the_corpus("scenario");
+}
+
+#[test]
 fn control_over_its_corpus() {
     over_the_corpus("control");
 }
@@ -108,6 +113,11 @@ proptest! {
     #[test]
     fn gsd_over_random_octets(octets in prop::collection::vec(any::<u8>(), 0..120)) {
         body("gsd")(&octets);
+    }
+
+    #[test]
+    fn scenario_over_random_octets(octets in prop::collection::vec(any::<u8>(), 0..120)) {
+        body("scenario")(&octets);
     }
 
     #[test]

@@ -285,6 +285,11 @@ impl EncoderStation {
         }
     }
 
+    /// The address that it answers to while it is on the bus.
+    fn reachable_at(&self) -> Option<u8> {
+        self.device.as_ref()?.address()
+    }
+
     /// Takes the latches up to `now` that matter.
     #[inline]
     fn latch(&mut self, now: Instant) {
@@ -346,7 +351,7 @@ impl EncoderStation {
 
 impl Station for EncoderStation {
     fn receive(&mut self, now: Instant, octets: &[u8]) -> Option<Window> {
-        if self.injected.cut_off {
+        if self.injected.is_off() {
             return None;
         }
         self.latch(now);
@@ -355,7 +360,7 @@ impl Station for EncoderStation {
 
     #[inline]
     fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
-        if self.injected.cut_off {
+        if self.injected.is_off() {
             return None;
         }
         self.counters.telegrams += 1;
@@ -364,7 +369,7 @@ impl Station for EncoderStation {
     }
 
     fn line_error(&mut self, now: Instant) {
-        if self.injected.cut_off {
+        if self.injected.is_off() {
             return;
         }
         self.counters.line_errors += 1;
@@ -376,6 +381,9 @@ impl Station for EncoderStation {
 
     #[inline]
     fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        if self.injected.off_the_bus {
+            return None;
+        }
         let reply = self.device.as_mut()?.transmit(now)?;
         self.counters.replies += 1;
         let length = reply.len();
@@ -410,10 +418,7 @@ impl Station for EncoderStation {
     }
 
     fn address(&self) -> Option<u8> {
-        if self.injected.cut_off {
-            return None;
-        }
-        self.device.as_ref()?.address()
+        if self.injected.is_off() { None } else { self.reachable_at() }
     }
 }
 

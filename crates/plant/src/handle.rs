@@ -8,6 +8,7 @@ use sch108bex::specification::Variant;
 
 use crate::control::{Couplings, judge};
 use crate::encoder::EncoderStation;
+use crate::ground::{Ground, Virtual, lock};
 use crate::plant::{Command, PlantError};
 use crate::snapshot::{PlantSnapshot, SegmentSnapshot};
 
@@ -25,7 +26,16 @@ pub(crate) struct Place {
     pub(crate) name: String,
     pub(crate) port: String,
     pub(crate) encoders: Vec<Known>,
-    pub(crate) control: Control<Command>,
+    pub(crate) way: Way,
+}
+
+/// How a handle reaches a segment.
+#[derive(Debug, Clone)]
+pub(crate) enum Way {
+    /// On the thread that runs it in real time.
+    Thread(Control<Command>),
+    /// Where it is, between two steps of its virtual time.
+    Virtual(Virtual),
 }
 
 /// What does not change of an encoder.
@@ -103,7 +113,7 @@ impl Handle {
     }
 }
 
-fn segment_snapshot(name: String, port: String, segment: &Segment<EncoderStation>) -> SegmentSnapshot {
+fn segment_snapshot(name: String, port: String, segment: &dyn Ground) -> SegmentSnapshot {
     let faults = segment.faults();
     SegmentSnapshot {
         name,
@@ -121,18 +131,22 @@ fn segment_snapshot(name: String, port: String, segment: &Segment<EncoderStation
 }
 
 impl Place {
-    /// Does something on the segment's thread, and waits until it is done.
+    /// Does something with the segment, on its thread where it has one, and waits until it is done.
     pub(crate) fn ask<R: Send + 'static>(
         &self,
-        work: impl FnOnce(&mut Segment<EncoderStation>) -> R + Send + 'static,
+        work: impl FnOnce(&mut dyn Ground) -> R + Send + 'static,
     ) -> Result<R, PlantError> {
+        let control = match &self.way {
+            Way::Virtual(segment) => return Ok(work(&mut *lock(segment))),
+            Way::Thread(control) => control,
+        };
         let ended = || PlantError::Ended(self.name.clone());
         let (to, done) = mpsc::channel();
         let work = move |segment: &mut Segment<EncoderStation>| {
             // Whoever has asked is gone: all the same.
             let _ = to.send(work(segment));
         };
-        self.control.send(Command::With(Box::new(work))).map_err(|_| ended())?;
+        control.send(Command::With(Box::new(work))).map_err(|_| ended())?;
         done.recv().map_err(|_| ended())
     }
 }

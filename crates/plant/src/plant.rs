@@ -5,13 +5,13 @@ use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
 use bus::termination::{self, Tap};
-use bus::{End, EndError, Handler, News, Segment, Settings, WallClock};
+use bus::{Control, End, EndError, Handler, News, Segment, Settings, WallClock};
 
 use profibus_dp::time::Instant;
 
 use crate::control::Couplings;
 use crate::encoder::{EncoderSetup, EncoderStation};
-use crate::handle::{Handle, Known, Place};
+use crate::handle::{Handle, Known, Place, Way};
 use crate::report::{Report, Reporter, What};
 use crate::shaft::Shaft;
 use crate::snapshot::Snapshot;
@@ -79,6 +79,7 @@ pub struct Plant {
 #[derive(Debug)]
 struct Running {
     place: Place,
+    control: Control<Command>,
     /// The number of its first encoder in the plant, and how many it has.
     encoders: std::ops::Range<usize>,
     thread: Option<JoinHandle<Result<(), EndError>>>,
@@ -97,6 +98,20 @@ impl Plant {
     ///
     /// A memory that cannot be used, or no thread to be had.
     pub fn add(&mut self, setup: SegmentSetup, reports: Sender<Report>) -> Result<(), PlantError> {
+        self.add_with_master_at(MasterTap::default(), setup, reports)
+    }
+
+    /// The same, with the master somewhere else in the cable.
+    ///
+    /// # Errors
+    ///
+    /// As for [`add`](Self::add).
+    pub fn add_with_master_at(
+        &mut self,
+        master: MasterTap,
+        setup: SegmentSetup,
+        reports: Sender<Report>,
+    ) -> Result<(), PlantError> {
         let SegmentSetup { name, end, settings, encoders } = setup;
         let first = self.segments.last().map_or(0, |segment| segment.encoders.end);
         let count = encoders.len();
@@ -113,7 +128,7 @@ impl Plant {
         }
         let (control, commands) = segment.control();
         let port = segment.name().to_owned();
-        tell_termination(&name, &taps, &reports);
+        tell_termination(&name, master, &taps, &reports);
         let mut operator = Operator { reporter: Reporter::new(&name, Some(reports)) };
         let thread = std::thread::Builder::new()
             .name(name.clone())
@@ -130,8 +145,8 @@ impl Plant {
             })
             .map_err(|error| PlantError::Thread(name.clone(), error))?;
         let encoders = first..first + count;
-        let place = Place { name, port, encoders: known, control };
-        self.segments.push(Running { place, encoders, thread: Some(thread) });
+        let place = Place { name, port, encoders: known, way: Way::Thread(control.clone()) };
+        self.segments.push(Running { place, control, encoders, thread: Some(thread) });
         Ok(())
     }
 
@@ -217,24 +232,46 @@ impl Plant {
     }
 }
 
+/// The master in the cable.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct MasterTap {
+    /// How many encoders are before it.
+    pub place: usize,
+    /// Whether it terminates the bus.
+    pub terminated: bool,
+}
+
+impl Default for MasterTap {
+    /// In front of all encoders, and terminated.
+    fn default() -> Self {
+        Self { place: 0, terminated: true }
+    }
+}
+
 /// An encoder's switches in the cable.
-struct Terminated {
+pub(crate) struct Terminated {
     name: String,
     switches: [bool; 2],
 }
 
 impl Terminated {
-    fn of(encoder: &EncoderSetup) -> Self {
+    pub(crate) fn of(encoder: &EncoderSetup) -> Self {
         let switches = [encoder.termination.first, encoder.termination.second];
         Self { name: encoder.reporter.who().to_owned(), switches }
     }
 }
 
 /// Reports where the bus is not terminated as it has to be (manual 3.3).
-fn tell_termination(segment: &str, encoders: &[Terminated], reports: &Sender<Report>) {
-    let master = Tap { name: "master", switches: [true; 2] };
+pub(crate) fn tell_termination(
+    segment: &str,
+    master: MasterTap,
+    encoders: &[Terminated],
+    reports: &Sender<Report>,
+) {
     let taps = encoders.iter().map(|encoder| Tap { name: &encoder.name, switches: encoder.switches });
-    let cable: Vec<_> = std::iter::once(master).chain(taps).collect();
+    let mut cable: Vec<_> = taps.collect();
+    let tap = Tap { name: "master", switches: [master.terminated; 2] };
+    cable.insert(master.place.min(cable.len()), tap);
     let reporter = Reporter::new(segment, Some(reports.clone()));
     for complaint in termination::judge(&cable) {
         reporter.tell(Instant::ZERO, What::Termination(complaint.to_string().into()));
@@ -243,11 +280,11 @@ fn tell_termination(segment: &str, encoders: &[Terminated], reports: &Sender<Rep
 
 impl Running {
     fn ask(&self, command: Command) -> Result<(), PlantError> {
-        self.place.control.send(command).map_err(|_| PlantError::Ended(self.place.name.clone()))
+        self.control.send(command).map_err(|_| PlantError::Ended(self.place.name.clone()))
     }
 
     fn end(&mut self) -> Result<(), PlantError> {
-        self.place.control.stop();
+        self.control.stop();
         match self.thread.take().map(JoinHandle::join) {
             None => Ok(()),
             Some(Ok(result)) => Ok(result?),
@@ -258,7 +295,7 @@ impl Running {
 
 impl Drop for Running {
     fn drop(&mut self) {
-        self.place.control.stop();
+        self.control.stop();
         if let Some(thread) = self.thread.take() {
             let _ = thread.join();
         }

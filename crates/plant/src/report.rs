@@ -30,6 +30,10 @@ pub enum What {
     TooFast(f64),
     /// The shaft does not turn too fast any more.
     SlowAgain,
+    /// It was put on the bus, and answers to this address (`None`: to none, or it has no power).
+    Joined(Option<u8>),
+    /// It was taken off the bus.
+    Left,
     /// The bus is not terminated as it has to be. The text says where.
     Termination(Arc<str>),
     /// The memory could not be written; the record before holds. The text says why.
@@ -59,6 +63,9 @@ impl std::fmt::Display for What {
             Self::Device(event) => event.fmt(f),
             Self::PowerOn(Some(address)) => write!(f, "power on, station address {address}"),
             Self::PowerOn(None) => f.write_str("power on, but the switches keep it off the bus"),
+            Self::Joined(Some(address)) => write!(f, "on the bus, station address {address}"),
+            Self::Joined(None) => f.write_str("on the bus, but it answers to no address"),
+            Self::Left => f.write_str("taken off the bus"),
             Self::PowerOff => f.write_str("power off"),
             Self::TooFast(rpm) => {
                 write!(f, "the shaft turns at {rpm:.0} RPM, and 3000 RPM is the most it stands (manual 6)")

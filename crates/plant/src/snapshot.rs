@@ -340,11 +340,7 @@ impl From<&DeviceSnapshot> for DeviceView {
             address: device.address,
             stored_address: device.stored_address,
             rate: device.baudrate.bits_per_second(),
-            state: match device.state {
-                State::WaitPrm => "wait_prm",
-                State::WaitCfg(_) => "wait_cfg",
-                State::DataExchange(..) => "data_exchange",
-            },
+            state: state(device.state),
             master: device.state.owner(),
             functionality: device.functionality.map(functionality),
             code_sequence: match scaling.code_sequence() {
@@ -362,6 +358,15 @@ impl From<&DeviceSnapshot> for DeviceView {
             warnings: warnings(device.warnings),
             operating_time_hours: f64::from(device.operating_time.tenths()) / 10.0,
         }
+    }
+}
+
+/// How a state is called in JSON.
+pub(crate) fn state(state: State) -> &'static str {
+    match state {
+        State::WaitPrm => "wait_prm",
+        State::WaitCfg(_) => "wait_cfg",
+        State::DataExchange(..) => "data_exchange",
     }
 }
 

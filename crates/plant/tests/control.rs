@@ -184,6 +184,29 @@ fn a_shaft_goes_on_from_where_it_is_or_jumps_as_asked() {
 
 // The answer of station 11 is 10 02 0B 00 0D 16: DP slave reference, section 1.5.
 #[test]
+fn an_encoder_that_has_left_the_bus_keeps_its_power_and_hears_nothing() {
+    let mut bench = bench(2);
+    bench.done(r#"{"do":"leave","encoder":1}"#);
+    assert!(bench.is_silent(11));
+    assert_eq!(bench.status(12), status_answer(12));
+    let encoder = &bench.snapshot()["encoders"][0];
+    assert_eq!(encoder["injected"]["off_the_bus"], true);
+    assert_eq!(encoder["device"]["address"], 11);
+    let heard = encoder["counters"]["telegrams"].clone();
+    // A power-on does not put it back.
+    bench.done(r#"{"do":"power","encoder":1,"state":"cycle"}"#);
+    assert!(bench.is_silent(11));
+    assert_eq!(bench.snapshot()["encoders"][0]["counters"]["telegrams"], heard);
+    bench.done(r#"{"do":"join","encoder":1}"#);
+    assert_eq!(bench.status(11), status_answer(11));
+    // Who is there already does not come again.
+    bench.done(r#"{"do":"join","encoder":"all"}"#);
+    let told: Vec<_> = bench.reports.try_iter().map(|report| report.what.to_string()).collect();
+    assert_eq!(told.iter().filter(|text| *text == "on the bus, station address 11").count(), 1, "{told:?}");
+    assert_eq!(told.iter().filter(|text| *text == "taken off the bus").count(), 1, "{told:?}");
+}
+
+#[test]
 fn faults_by_request_meet_the_next_telegrams() {
     let mut bench = bench(1);
     bench.done(r#"{"do":"damage_reply","octet":4,"mask":"81"}"#);

@@ -63,7 +63,7 @@ const WRONG: &[(&[&str], &[&str])] = &[
     (&["--shaft", "still@2147483648"], &["--shaft", "0 to 2147483647"]),
     (&["--bits", "13x12", "--shaft", "still@33554432"], &["--shaft", "0 to 33554431", "13x12"]),
     (&["--bits", "2x0", "--shaft", "constant:1@4"], &["--shaft", "0 to 3"]),
-    (&["--shaft", "constant:"], &["--shaft", "revolutions per minute"]),
+    (&["--shaft", "constant:"], &["--shaft", "it needs rpm"]),
     (&["--shaft", "constant:fast@0"], &["--shaft", "revolutions per minute"]),
     (&["--shaft", "constant:NaN"], &["--shaft", "revolutions per minute"]),
     (&["--shaft", "constant:inf"], &["--shaft", "revolutions per minute"]),
@@ -121,8 +121,8 @@ const WRONG: &[(&[&str], &[&str])] = &[
     (&["--frobnicate"], &["--frobnicate"]),
     (&["--switch", "0B"], &["--switch", "--switches"]),
     (&["-x"], &["-x"]),
-    (&["something"], &["something"]),
-    (&[""], &["unexpected argument"]),
+    (&["something"], &["something cannot be read", "name a scenario file"]),
+    (&[""], &["a value is required", "FILE"]),
 ];
 
 #[test]

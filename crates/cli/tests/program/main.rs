@@ -19,6 +19,7 @@ mod outputs;
 mod pyprofibus;
 mod readme;
 mod refusals;
+mod scenario;
 mod serial;
 mod shown;
 mod state;

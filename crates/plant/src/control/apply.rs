@@ -58,7 +58,9 @@ impl Handle {
             | Request::Power { .. }
             | Request::Sensor { .. }
             | Request::Memory { .. }
-            | Request::OperatingTime { .. } => self.apply_to_device(request).map(|()| None),
+            | Request::OperatingTime { .. }
+            | Request::Leave { .. }
+            | Request::Join { .. } => self.apply_to_device(request).map(|()| None),
             Request::SupplyProfile { .. }
             | Request::BrownOut { .. }
             | Request::Thermal { .. }
@@ -141,6 +143,8 @@ impl Handle {
                     Ok::<_, StoreError>(())
                 })
             }
+            Request::Leave { encoder } => self.plug(encoder.as_ref(), false),
+            Request::Join { encoder } => self.plug(encoder.as_ref(), true),
             Request::Power { encoder, state } => {
                 let state = *state;
                 self.with(encoder.as_ref(), move |station, now| switch(station, now, state))
@@ -164,6 +168,13 @@ impl Handle {
             }
             _ => Ok(()),
         }
+    }
+
+    fn plug(&self, encoder: Option<&Which>, in_place: bool) -> Result<(), ControlError> {
+        self.with(encoder, move |station, now| {
+            station.plug(now, in_place);
+            Ok::<_, StoreError>(())
+        })
     }
 
     /// What goes wrong with the next requests and replies.

@@ -56,6 +56,8 @@ pub const COMMANDS: &[CommandHelp] = &[
         "the operating time that is stored, while the power is off",
         r#"{"do":"operating_time","hours":87600}"#,
     ),
+    command("leave", "it is taken off the bus and keeps its power", r#"{"do":"leave","encoder":2}"#),
+    command("join", "it is on the bus again", r#"{"do":"join","encoder":2}"#),
     command(
         "supply_profile",
         "a supply voltage over time: points of seconds and volts, with repeat for ever",

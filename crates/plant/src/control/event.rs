@@ -9,6 +9,18 @@ use serde_json::{Map, Value, json};
 use crate::report::{Report, What};
 use crate::snapshot::{alarms, functionality, warnings};
 
+/// All kinds of events.
+#[rustfmt::skip]
+pub const EVENT_KINDS: &[&str] = &[
+    "power_on", "power_off", "too_fast", "slow_again", "joined_bus", "left_bus", "not_stored", "termination", "master_came", "rate_changed",
+    "master_connected", "master_left", "noted", "segment_broke", "late_replies", "alarm_raised", "alarm_cleared",
+    "warning_raised", "warning_cleared", "position_error", "position_error_cleared", "preset_bit_held", "preset_taken",
+    "preset_refused", "parameters_refused", "refused", "configuration_refused", "address_refused",
+    "offset_kept_under_other_scaling", "jump_at_overflow", "functionality_chosen", "parameterized",
+    "data_exchange_entered", "parameters_changed", "outputs_cleared", "waiting_for_parameters", "min_tsdr",
+    "address_taken", "sync", "freeze", "listening", "baudrate_found",
+];
+
 /// One thing that happened.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct EventLine {
@@ -70,6 +82,8 @@ fn describe(what: &What) -> (&'static str, Value) {
     match what {
         What::Device(event) => describe_device(event),
         What::PowerOn(address) => ("power_on", json!({ "address": address })),
+        What::Joined(address) => ("joined_bus", json!({ "address": address })),
+        What::Left => ("left_bus", Value::Null),
         What::PowerOff => ("power_off", Value::Null),
         What::TooFast(rpm) => ("too_fast", json!({ "rpm": rpm })),
         What::SlowAgain => ("slow_again", Value::Null),

@@ -24,7 +24,7 @@ pub use apply::Applied;
 pub use check::ControlError;
 pub use commands::{COMMANDS, CommandHelp};
 pub use envelope::{Envelope, RefusedLine, Reply};
-pub use event::EventLine;
+pub use event::{EVENT_KINDS, EventLine};
 pub use request::Request;
 pub use server::{MOST_CONNECTIONS, MOST_OCTETS, Server};
 pub(crate) use shafts::Couplings;

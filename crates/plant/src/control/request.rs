@@ -185,6 +185,16 @@ pub enum Request {
         /// 0 to 10 000 000, kept to a hundredth.
         hours: f64,
     },
+    /// It is taken off the bus, and keeps its power: it hears nothing and nobody hears it.
+    Leave {
+        /// Which encoder.
+        encoder: Option<Which>,
+    },
+    /// It is on the bus again.
+    Join {
+        /// Which encoder.
+        encoder: Option<Which>,
+    },
     /// What goes wrong on the line by chance. What is left out does not; alone: a quiet line, and no
     /// fault by request waits any more.
     Line {

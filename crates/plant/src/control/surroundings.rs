@@ -1,6 +1,5 @@
 //! Requests about a world that changes by itself, and about the cable.
 
-use bus::Segment;
 use bus::termination::{self, Tap};
 use profibus_dp::time::Duration;
 use sch108bex::end_cap::TerminationSwitches;
@@ -8,6 +7,7 @@ use sch108bex::end_cap::TerminationSwitches;
 use super::check::ControlError;
 use super::request::Request;
 use crate::encoder::EncoderStation;
+use crate::ground::Ground;
 use crate::handle::Handle;
 use crate::store::StoreError;
 use crate::world::model::{hours, nanos};
@@ -174,7 +174,7 @@ impl Handle {
 }
 
 /// Puts another cable in, and judges its termination.
-fn relay(segment: &mut Segment<EncoderStation>, mut cable: bus::Cable) {
+fn relay(segment: &mut dyn Ground, mut cable: bus::Cable) {
     let now = segment.now();
     for (at, station) in segment.stations_mut().iter_mut().enumerate() {
         let cut = cable.cuts_off(at);

@@ -1,11 +1,11 @@
 //! Whom a request is for.
 
-use bus::Segment;
 use profibus_dp::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use crate::control::check::ControlError;
 use crate::encoder::EncoderStation;
+use crate::ground::Ground;
 use crate::handle::{Found, Handle, Place};
 
 /// An encoder or a segment, by number or name.
@@ -58,7 +58,7 @@ impl Handle {
     pub(super) fn each_segment(
         &self,
         segment: Option<&Which>,
-        work: impl Fn(&mut Segment<EncoderStation>) + Clone + Send + 'static,
+        work: impl Fn(&mut dyn Ground) + Clone + Send + 'static,
     ) -> Result<(), ControlError> {
         let names: Vec<_> = self.places().iter().map(|place: &Place| place.name.as_str()).collect();
         let numbers = chosen("segment", segment, &names)?;
@@ -73,7 +73,7 @@ impl Handle {
     pub(super) fn with_segments<E: Into<ControlError> + Send + 'static>(
         &self,
         segment: Option<&Which>,
-        work: impl Fn(&mut Segment<EncoderStation>) -> Result<(), E> + Copy + Send + 'static,
+        work: impl Fn(&mut dyn Ground) -> Result<(), E> + Copy + Send + 'static,
     ) -> Result<(), ControlError> {
         let names: Vec<_> = self.places().iter().map(|place: &Place| place.name.as_str()).collect();
         let numbers = chosen("segment", segment, &names)?;

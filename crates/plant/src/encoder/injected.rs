@@ -31,6 +31,15 @@ pub struct Injected {
     pub endurance: Option<u64>,
     /// The cable is cut between it and the master.
     pub cut_off: bool,
+    /// It is off the bus, and hears nothing.
+    pub off_the_bus: bool,
+}
+
+impl Injected {
+    /// It hears nothing, and nobody hears it.
+    pub(super) const fn is_off(&self) -> bool {
+        self.cut_off || self.off_the_bus
+    }
 }
 
 /// How often what happened to an encoder since it was made.
@@ -89,6 +98,15 @@ impl EncoderStation {
         self.latch(now);
         self.injected.switched_off = !on;
         self.set_power(now)
+    }
+
+    /// Takes it off the bus or puts it on it; it keeps its power.
+    pub fn plug(&mut self, now: Instant, in_place: bool) {
+        if self.injected.off_the_bus == in_place {
+            self.injected.off_the_bus = !in_place;
+            let what = if in_place { What::Joined(self.reachable_at()) } else { What::Left };
+            self.setup.reporter.tell(now, what);
+        }
     }
 
     /// The sensor reports a fault (manual 4.2.2): at the latest latch only, or from now on at every

@@ -1,0 +1,159 @@
+//! `sch108bex scenario run`: a scenario in virtual time.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration as Time, Instant as Moment};
+
+use clap::Args;
+use plant::Report;
+use plant::scenario::{Outcome, Progress, Verdict, run};
+use profibus_dp::time::{Duration, Instant};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+
+use super::{Loaded, load};
+use crate::Failure;
+use crate::output;
+use crate::run::failed;
+
+#[derive(Debug, Args)]
+pub(crate) struct Play {
+    /// The scenario
+    file: PathBuf,
+    /// As fast as it goes
+    #[arg(long = "virtual", conflicts_with = "speed")]
+    unpaced: bool,
+    /// So many times as fast as real time
+    #[arg(long, default_value = "1", value_parser = speed, value_name = "F", allow_negative_numbers = true)]
+    speed: f64,
+    /// Print every event, too
+    #[arg(long, conflicts_with = "json")]
+    events: bool,
+    /// Print the result in JSON
+    #[arg(long)]
+    json: bool,
+}
+
+fn speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|speed| (0.001..=1e6).contains(speed));
+    speed.ok_or_else(|| "write a factor from 0.001 to 1000000, like 10; or --virtual".to_owned())
+}
+
+impl Play {
+    pub(crate) fn run(&self) -> Result<(), Failure> {
+        let Loaded { plan, source } = load(&self.file)?;
+        let mut watch = Watch {
+            events: self.events,
+            verdicts: !self.json,
+            speed: (!self.unpaced).then_some(self.speed),
+            begun: Moment::now(),
+            ended: end_on_signals()?,
+        };
+        let outcome = run(&plan, &source, &mut watch).map_err(failed)?;
+        if self.json {
+            output::json(&outcome);
+        } else {
+            summary(&outcome);
+        }
+        if outcome.passed {
+            return Ok(());
+        }
+        let file = self.file.display();
+        let broken = outcome.expectations.iter().filter(|verdict| !verdict.holds).count();
+        let troubles = outcome.troubles.join("; ");
+        Err(Failure::Failed(match (broken, troubles.as_str()) {
+            (0, troubles) => format!("{file}: {troubles}"),
+            (_, "") => format!("{file}: {broken} of {} expectations do not hold", outcome.expectations.len()),
+            (_, troubles) => {
+                format!(
+                    "{file}: {broken} of {} expectations do not hold; {troubles}",
+                    outcome.expectations.len()
+                )
+            }
+        }))
+    }
+}
+
+/// Looks on, and takes care of the time.
+struct Watch {
+    events: bool,
+    verdicts: bool,
+    speed: Option<f64>,
+    begun: Moment,
+    ended: Arc<AtomicBool>,
+}
+
+impl Progress for Watch {
+    fn longest_step(&self) -> Duration {
+        match self.speed {
+            // Twenty milliseconds of real time, so that Ctrl-C is not waited for.
+            Some(speed) => Duration::from_nanos(nanos(20e6 * speed).max(1_000)),
+            None => Duration::from_secs(1),
+        }
+    }
+
+    fn step(&mut self, to: Instant) -> ControlFlow<()> {
+        if let Some(speed) = self.speed {
+            #[expect(clippy::cast_precision_loss, reason = "below 2^53 ns for 104 days")]
+            let due = Time::from_nanos(nanos(to.as_nanos() as f64 / speed));
+            std::thread::sleep(due.saturating_sub(self.begun.elapsed()));
+        }
+        if self.ended.load(Ordering::Relaxed) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn report(&mut self, report: &Report) {
+        if self.events {
+            #[expect(clippy::cast_precision_loss, reason = "for reading only")]
+            let seconds = report.at.as_nanos() as f64 / 1e9;
+            output::line(&format!("{seconds:11.6}  {}: {}", report.who, report.what));
+        }
+    }
+
+    fn verdict(&mut self, verdict: &Verdict) {
+        if self.verdicts {
+            let Verdict { line, expected, holds, found } = verdict;
+            let word = if *holds { "ok  " } else { "FAIL" };
+            output::line(&format!("{word} line {line}: {expected}; found: {found}"));
+        }
+    }
+}
+
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "positive and bounded")]
+fn nanos(nanos: f64) -> u64 {
+    nanos.round() as u64
+}
+
+fn end_on_signals() -> Result<Arc<AtomicBool>, Failure> {
+    let ended = Arc::new(AtomicBool::new(false));
+    let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP])
+        .map_err(|error| Failure::Failed(format!("cannot take note of Ctrl-C: {error}")))?;
+    let end = Arc::clone(&ended);
+    std::thread::spawn(move || {
+        signals.forever().next();
+        end.store(true, Ordering::Relaxed);
+    });
+    Ok(ended)
+}
+
+fn summary(outcome: &Outcome) {
+    let holding = outcome.expectations.iter().filter(|verdict| verdict.holds).count();
+    for segment in &outcome.segments {
+        output::line(&format!(
+            "{}: {} octets in {} cycles, sum {}",
+            segment.name, segment.octets, segment.cycles, segment.sum
+        ));
+        for encoder in &segment.encoders {
+            let trouble =
+                encoder.trouble.as_deref().map_or(String::new(), |text| format!("; the last: {text}"));
+            output::line(&format!(
+                "  {}: {} exchanges, {} failures{trouble}",
+                encoder.name, encoder.exchanges, encoder.failures
+            ));
+        }
+    }
+    let title = if outcome.title.is_empty() { "The scenario" } else { &outcome.title };
+    let all = outcome.expectations.len();
+    output::line(&format!("{title}: {} s, {holding} of {all} expectations hold", outcome.seconds));
+}

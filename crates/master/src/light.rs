@@ -183,8 +183,10 @@ impl<L: Line> LightMaster<L> {
         if !heard.is_whole {
             return Err(self.unanswered(request, heard.length));
         }
-        self.frame_counts[at] = self.frame_counts[at].next();
-        answer(&self.reply[..heard.length], request, self.settings.address, heard.delay)
+        let reply = answer(&self.reply[..heard.length], request, self.settings.address, heard.delay);
+        // Where somebody else spoke, nobody knows whether the slave has heard its request.
+        self.frame_counts[at] = if reply.is_ok() { self.frame_counts[at].next() } else { FrameCount::First };
+        reply
     }
 
     /// Sends the request that was written down until a telegram comes back.
@@ -241,7 +243,7 @@ impl<L: Line> LightMaster<L> {
         let Parsed::Complete(Telegram::Data(answer), _) = telegram::parse(&self.reply[..heard.length]) else {
             return Ok(None);
         };
-        if answer.sa != station || answer.fc.is_request() {
+        if heard.damaged || answer.sa != station || answer.fc.is_request() {
             return Ok(None);
         }
         Ok(Some(match answer.fc.0 >> 4 & 3 {

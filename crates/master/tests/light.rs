@@ -51,11 +51,13 @@ fn all_functionalities_exchange_data_at_all_rates() {
     }
 }
 
-/// A line that writes down what is sent; every reply but the lost ones is an E5.
+/// A line that writes down what is sent; every reply but the lost ones is an E5, or what others say.
 #[derive(Debug, Default)]
 struct Script {
     sent: Vec<Vec<u8>>,
     lose: usize,
+    others: Vec<u8>,
+    damaged: bool,
 }
 
 impl Line for Script {
@@ -69,8 +71,9 @@ impl Line for Script {
             self.lose -= 1;
             return Ok(Heard::silence(Duration::ZERO));
         }
-        reply[0] = 0xE5;
-        Ok(Heard { length: 1, delay: Duration::ZERO, damaged: false })
+        let octets = if self.others.is_empty() { &[0xE5][..] } else { &self.others };
+        reply[..octets.len()].copy_from_slice(octets);
+        Ok(Heard { length: octets.len(), delay: Duration::ZERO, damaged: self.damaged })
     }
 
     fn tell(&mut self, octets: &[u8]) -> Result<(), EndError> {
@@ -103,6 +106,36 @@ fn the_frame_count_bit_toggles_with_each_answer_and_begins_anew_after_silence() 
     // Each station has a sequence of its own.
     master.set_prm(ADDRESS + 1, &[0x80, 0, 0, 0, 0, 0, 0]).unwrap();
     assert_eq!(master.line().sent[0][6], 0x6D);
+}
+
+// DP slave reference, section 2.2 row 5: with a toggled bit a slave that has not heard the request would
+// take the next one for a retry of the request before, and would not carry it out.
+#[test]
+fn after_somebody_elses_telegram_in_place_of_an_answer_the_sequence_begins_anew() {
+    let mut master = LightMaster::new(Script::default(), Settings::default());
+    // A token to another master, and another slave's answer to another master: 03 + 09 + 08 + 01 is 15h.
+    for others in [vec![0xDC, 3, 4], vec![0x68, 4, 4, 0x68, 3, 9, 8, 1, 0x15, 0x16]] {
+        for _ in 0..2 {
+            master.set_prm(ADDRESS, &[0x80, 0, 0, 0, 0, 0, 0]).unwrap();
+        }
+        master.line_mut().others = others;
+        let failed = master.set_prm(ADDRESS, &[0x80, 0, 0, 0, 0, 0, 0]);
+        assert!(matches!(failed, Err(Error::Unexpected { .. })), "{failed:?}");
+        master.line_mut().others.clear();
+        master.line_mut().sent.clear();
+        master.set_prm(ADDRESS, &[0x80, 0, 0, 0, 0, 0, 0]).unwrap();
+        assert_eq!(master.line().sent[0][6], 0x6D);
+    }
+}
+
+// 02 + 05 is 07h: station 5 says that it is a slave.
+#[test]
+fn a_station_whose_status_came_damaged_is_not_taken_for_one() {
+    let mut master = LightMaster::new(Script::default(), Settings::default());
+    master.line_mut().others = vec![0x10, 2, ADDRESS, 0, 0x07, 0x16];
+    assert_eq!(master.status(ADDRESS).unwrap(), Some(StationKind::Passive));
+    master.line_mut().damaged = true;
+    assert_eq!(master.status(ADDRESS).unwrap(), None);
 }
 
 // By hand: DA 85, SA 82, then FC, DSAP, SSAP and the data; FCS is their sum.

@@ -278,3 +278,12 @@ fn what_is_wrong_is_told_with_its_octet() {
         assert!(found, "{text}: {:#?}", told.remarks);
     }
 }
+
+// Section 4.4: without Lock_Req, and with Unlock_Req, a slave looks at neither reserved bits nor factors.
+#[test]
+fn a_set_prm_that_does_not_lock_is_not_blamed_for_what_only_a_lock_has() {
+    for body in ["8B 82 7D 3D 3E 09 00 00 20 00 00 00", "8B 82 7D 3D 3E 4A 00 00 00 47 11 00"] {
+        let told = last(&framed(body), Profile::Dp);
+        assert!(told.remarks.is_empty(), "{body}: {:#?}", told.remarks);
+    }
+}

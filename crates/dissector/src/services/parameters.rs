@@ -58,8 +58,11 @@ pub(crate) fn standard(data: &mut Data<'_>) -> (String, Option<(usize, String)>)
     (words.join(", "), fault(&parsed, data))
 }
 
-/// What any DP slave refuses.
+/// What any DP slave refuses. Where it is not to be locked, it looks at none of this.
 fn fault(parsed: &SetPrm<'_>, data: &Data<'_>) -> Option<(usize, String)> {
+    if !parsed.status.lock_req() || parsed.status.unlock_req() {
+        return None;
+    }
     let reserved = parsed.status.reserved();
     if reserved != 0 {
         return Some((data.place(1), "bits 2 to 0 of Station_Status are reserved and must be 0".to_owned()));

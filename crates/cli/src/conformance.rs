@@ -188,6 +188,10 @@ impl Conformance {
         }
         device.ident = Some(ident);
         device.encoder = facts(&diagnosis).filter(|_| device.encoder.is_some());
+        if let (Some(facts), None) = (&device.encoder, &self.gsd) {
+            let (n, m) = (facts.singleturn_bits, facts.multiturn_bits);
+            device.modes = Device::encoder(self.address, n, m).modes;
+        }
         Ok(())
     }
 

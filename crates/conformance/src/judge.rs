@@ -7,6 +7,9 @@ use crate::reply::{Reply, hex};
 use crate::rig::Heard;
 use crate::telegram::{Asked, Atom, Context};
 
+/// The SAP of Get_Cfg.
+const GET_CFG: u8 = 59;
+
 /// What a reply is judged by.
 pub(crate) struct Judge<'a> {
     pub(crate) context: Context<'a>,
@@ -123,6 +126,9 @@ impl Judge<'_> {
                     return fc_is(*fc, 0x08);
                 }
                 self.mirrored(*dsap, *ssap)?;
+                if *ssap == Some(GET_CFG) {
+                    crate::identifiers::whole(data)?;
+                }
                 self.data(data, due)
             }
             _ => Ok(()),
@@ -205,7 +211,10 @@ impl Judge<'_> {
     fn data_less(&self, priority: Option<u8>, due: &DataDue) -> bool {
         let none = match due {
             DataDue::Any => self.due_length() == Some(0),
-            DataDue::Octets(patterns) => self.count(patterns) == 0,
+            // What may be any data is some all the same.
+            DataDue::Octets(patterns) => {
+                self.count(patterns) == 0 && !patterns.iter().any(|pattern| matches!(pattern, Pattern::Rest))
+            }
             DataDue::Label(label, same) => *same && self.label(label).is_some_and(<[u8]>::is_empty),
         };
         none && priority != Some(0x0A)

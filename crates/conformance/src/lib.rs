@@ -15,6 +15,7 @@ mod begin;
 pub mod case;
 pub mod control;
 pub mod device;
+mod identifiers;
 mod judge;
 mod needs;
 mod parser;

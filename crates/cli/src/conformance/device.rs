@@ -6,6 +6,7 @@ use conformance::{Device, EncoderFacts, Features, Mode};
 use master::Gsd;
 use profibus_dp::time::{Baudrate, BitTimes};
 use profibus_dp::wire::chk_cfg::Lengths;
+use sch108bex::specification::Variant;
 
 use crate::Failure;
 
@@ -84,9 +85,35 @@ pub(super) fn facts(diagnosis: &[u8]) -> Option<EncoderFacts> {
         return None;
     }
     let bits = |zeros: u32| u8::try_from(zeros).ok();
-    Some(EncoderFacts {
-        singleturn_bits: bits(units.trailing_zeros())?,
-        multiturn_bits: bits(turns.trailing_zeros())?,
-        serial: None,
-    })
+    let (singleturn_bits, multiturn_bits) = (bits(units.trailing_zeros())?, bits(turns.trailing_zeros())?);
+    // Others are encoders too, but not of this kind.
+    Variant::new(singleturn_bits, multiturn_bits).ok()?;
+    Some(EncoderFacts { singleturn_bits, multiturn_bits, serial: None })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A diagnosis of class 1 (manual 4.2): octets 11 to 14 and 15, 16 are the resolution.
+    fn diagnosis(units: u32, turns: u16) -> Vec<u8> {
+        let head = [0x02, 0x05, 0x00, 0xFF, 0x10, 0x8B, 0x0A, 0x00, 0x00, 0x02];
+        [&head[..], &units.to_be_bytes(), &turns.to_be_bytes()].concat()
+    }
+
+    #[test]
+    fn the_resolution_is_the_one_in_the_diagnosis() {
+        for (units, turns, bits) in [(0x1_0000, 0x8000, (16, 15)), (0x2000, 0x1000, (13, 12)), (4, 1, (2, 0))]
+        {
+            let found = facts(&diagnosis(units, turns)).expect("an encoder");
+            assert_eq!((found.singleturn_bits, found.multiturn_bits), bits);
+        }
+    }
+
+    #[test]
+    fn an_encoder_that_this_device_is_not_made_as_is_a_slave_like_others() {
+        for (units, turns) in [(0x8000_0000, 0x8000), (0x2_0000, 1), (2, 1), (0x3000, 0x1000), (0x2000, 0)] {
+            assert_eq!(facts(&diagnosis(units, turns)), None, "{units} {turns}");
+        }
+    }
 }

@@ -54,6 +54,17 @@ fn the_encoder_passes_with_srd_low_and_octet_by_octet() {
 }
 
 #[test]
+fn encoders_with_fewer_bits_pass_what_is_not_for_one_resolution() {
+    for (n, m) in [(13, 12), (16, 0), (2, 0)] {
+        let encoder = Encoder::new(n, m);
+        let device = encoder.device();
+        let results = run(encoder, &device, Options::default(), false);
+        eprintln!("{n}x{m}");
+        all_pass(&results);
+    }
+}
+
+#[test]
 fn slaves_that_are_no_encoders_pass_and_no_case_is_left_over() {
     let mut tried: BTreeSet<String> = BTreeSet::new();
     let mut results = run(Encoder::full(), &Encoder::full().device(), Options::default(), false);

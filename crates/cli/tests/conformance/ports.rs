@@ -111,6 +111,14 @@ fn the_encoder_passes_over_tcp_without_any_control() {
 }
 
 #[test]
+fn an_encoder_with_fewer_bits_passes_without_its_gsd() {
+    let encoder = Encoder::run(&["--port", "tcp-listen:127.0.0.1:0", "--bits", "13x12"]);
+    let output = conformance(&["--port", &encoder.port, "--profile", "encoder", "--json"]);
+    let cases = without_failure(&output);
+    assert!(passed(&cases) >= 40, "only {} could be tried", passed(&cases));
+}
+
+#[test]
 fn what_was_sent_came_and_was_due_is_printed_in_hex() {
     let encoder = Encoder::run(&[]);
     let output = conformance(&["--port", &encoder.port, "--case", "1"]);

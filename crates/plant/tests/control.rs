@@ -245,6 +245,20 @@ fn faults_by_request_meet_the_next_telegrams() {
 }
 
 #[test]
+fn what_waits_for_requests_and_for_replies_is_shown_apart_until_the_line_is_quiet() {
+    let bench = bench(1);
+    bench.done(r#"{"do":"lose_requests","count":3}"#);
+    bench.done(r#"{"do":"double_replies","count":2}"#);
+    let waiting = || {
+        let segment = bench.snapshot()["segments"][0].clone();
+        [segment["waiting_request_faults"].clone(), segment["waiting_reply_faults"].clone()]
+    };
+    assert_eq!(waiting(), [json!(3), json!(2)]);
+    bench.done(r#"{"do":"line"}"#);
+    assert_eq!(waiting(), [json!(0), json!(0)]);
+}
+
+#[test]
 fn the_same_seed_loses_the_same_replies() {
     let mut bench = bench(1);
     let mut run = |seed: u64| {

@@ -49,6 +49,21 @@ fn ident_and_configuration_are_taken_over() {
 }
 
 #[test]
+fn two_modules_of_one_functionality_are_both_taken_over() {
+    let file = text(Variant::FULL, 0x4711);
+    let start = "\r\nModule = \"Scancon";
+    let scancon = file.split_once(start).expect("a module").1;
+    let another = scancon.replace("0xF1,0xD1,0xD1", "0xE1,0xD5").replace("Multiturn", "again");
+    let file = format!("{file}{start}{another}");
+    let gsd = read(Path::new("test.gsd"), &file).expect("a GSD");
+    let judgement = judge(&gsd, &file, Variant::FULL).expect("fits");
+    for octets in [&[0xF1, 0xD1, 0xD1][..], &[0xE1, 0xD5]] {
+        let found = judgement.configurations.find(octets).map(|(functionality, _)| functionality);
+        assert_eq!(found, Some(Functionality::Scancon2), "{octets:02X?}");
+    }
+}
+
+#[test]
 fn what_the_file_does_not_have_stays_ours() {
     let start = "\r\nModule = \"Class 1";
     let file = text(Variant::FULL, 0x4711);

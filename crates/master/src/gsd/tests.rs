@@ -70,6 +70,15 @@ fn constants_and_defaults_are_where_the_file_has_them() {
     assert_eq!((small.inputs, small.outputs), (4, 0));
 }
 
+// FA is 1111 1010: bit 0 becomes Direction 0, bits 4 to 6 Area 5, and the others stay.
+#[test]
+fn bits_beside_a_parameter_keep_their_constant() {
+    let text = GSD.replace("= 0x00,0x02", "= 0x00,0xFA");
+    let gsd = Gsd::parse("test.gsd", &text).expect("the test's own");
+    let small = gsd.slave(5, Baudrate::B500000, Some("Small"), &[]).expect("fits");
+    assert_eq!(small.parameters.user, [0x00, 0b1101_1010, 1]);
+}
+
 #[test]
 fn parameters_are_set_by_name_to_numbers_and_texts() {
     let pairs =

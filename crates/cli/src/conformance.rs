@@ -11,7 +11,8 @@ use bus::port::{PortAddress, open_for_master};
 use clap::{Args, ValueEnum};
 use conformance::report::{self, Run, Tally};
 use conformance::{
-    Case, CaseResult, ControlSocket, Device, Options, Outcome, PortRig, Profile, RigError, Runner,
+    Case, CaseResult, ControlSocket, Device, Expect, Options, Outcome, PortRig, Profile, Rig, RigError,
+    Runner, Signal,
 };
 use profibus_dp::time::{Baudrate, Duration};
 
@@ -186,11 +187,30 @@ impl Conformance {
                 self.address
             )));
         }
+        self.look_for_others(rig)?;
         device.ident = Some(ident);
         device.encoder = facts(&diagnosis).filter(|_| device.encoder.is_some());
         if let (Some(facts), None) = (&device.encoder, &self.gsd) {
             let (n, m) = (facts.singleturn_bits, facts.multiturn_bits);
             device.modes = Device::encoder(self.address, n, m).modes;
+        }
+        Ok(())
+    }
+
+    /// Another slave where a new one is would answer to what is meant for the one that is tested.
+    fn look_for_others(&self, rig: &mut PortRig) -> Result<(), Failure> {
+        // Master 2 asks 126 for its FDL status: 7E + 02 + 49 = C9.
+        const STATUS: [u8; 6] = [0x10, 0x7E, 0x02, 0x49, 0xC9, 0x16];
+        if self.address == 126 {
+            return Ok(());
+        }
+        let broken = |error: RigError| Failure::Failed(error.to_string());
+        rig.send(&STATUS.map(Signal::Octet)).map_err(broken)?;
+        if !rig.listen(Expect::Silence).map_err(broken)?.octets.is_empty() {
+            output::aside(
+                "warning: a station answers at address 126 too; cases that change addresses fail while it is on \
+                 the bus",
+            );
         }
         Ok(())
     }

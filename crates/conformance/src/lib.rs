@@ -37,7 +37,7 @@ pub use device::{Device, EncoderFacts, Features, Mode};
 pub use parser::{ParseError, parse};
 pub use port_rig::{PATIENCE, PortRig};
 pub use result::{CaseResult, Outcome, Record};
-pub use rig::{Action, Hand, Order, Rig, RigError};
+pub use rig::{Action, Expect, Hand, Order, Rig, RigError, Signal};
 pub use runner::{NoMode, Options, Runner};
 pub use virtual_rig::{Fresher, Subject, VirtualRig};
 

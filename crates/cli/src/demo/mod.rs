@@ -70,6 +70,7 @@ pub(crate) fn demo(options: &Options) -> Result<(), Failure> {
         facts: Facts::default(),
         offset: 0,
         interrupted: interrupted()?,
+        hurried: false,
     };
     demo.screen.line(
         "A virtual SCH108BEX as delivered (switches 7E, nothing stored) on a virtual bus at 1.5 Mbit/s,",
@@ -105,6 +106,7 @@ struct Demo {
     /// The offset value that the encoder told with its preset.
     offset: i64,
     interrupted: Arc<AtomicBool>,
+    hurried: bool,
 }
 
 fn encoder() -> Result<(EncoderStation, Receiver<Report>), Failure> {
@@ -278,6 +280,7 @@ impl Demo {
             self.exchange_for(Duration::from_millis(FRAME_MILLIS))?;
             self.tell_events();
             if self.interrupted.load(Ordering::Relaxed) {
+                self.hurry();
                 continue;
             }
             let (request, answer) = self.master.last_exchange();
@@ -289,6 +292,13 @@ impl Demo {
         }
         self.screen.keep(&self.facts);
         Ok(())
+    }
+
+    /// Says once that nobody waits any more.
+    fn hurry(&mut self) {
+        if !std::mem::replace(&mut self.hurried, true) {
+            self.screen.line("  (interrupted: the rest goes by without waiting)");
+        }
     }
 
     /// Exchanges data without a pause for a span of bus time, and checks each position.

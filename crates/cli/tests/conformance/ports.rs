@@ -278,3 +278,14 @@ fn the_page_has_the_table_that_the_command_prints() {
     assert_eq!(output.status.code(), Some(0));
     assert!(text(&output.stdout) == table, "docs/conformance.md is behind `sch108bex conformance --list`");
 }
+
+#[test]
+fn another_slave_at_126_is_told_of() {
+    let others = "a station answers at address 126 too";
+    let crowded = Encoder::run(&["--encoder", "switches=7E"]);
+    let output = conformance(&["--port", &crowded.port, "--case", "1"]);
+    assert!(text(&output.stderr).contains(others), "{}", text(&output.stderr));
+    let alone = Encoder::run(&[]);
+    let output = conformance(&["--port", &alone.port, "--case", "1"]);
+    assert!(!text(&output.stderr).contains(others), "{}", text(&output.stderr));
+}

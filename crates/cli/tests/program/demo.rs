@@ -1,6 +1,8 @@
 //! The demonstration: what it claims is what happened.
 
-use crate::driver::{Ended, end_of, program};
+use rustix::process::Signal;
+
+use crate::driver::{Ended, Program, end_of, program};
 
 /// The positions of the lines that show a moment.
 fn positions(output: &str) -> Vec<i64> {
@@ -71,4 +73,13 @@ fn a_length_that_is_none_is_refused() {
         assert_eq!(status, Some(2), "{text}: {errors}");
         assert!(errors.contains("write seconds between 0.1 and 86400, like 12"), "{text}: {errors}");
     }
+}
+
+#[test]
+fn ctrl_c_ends_the_waiting_and_not_the_checks() {
+    let mut demo = Program::start(program().args(["demo", "--seconds", "600"]));
+    demo.wait_for(&["The shaft turns clockwise"]);
+    assert_eq!(demo.end_with(Signal::INT).code(), Some(0));
+    demo.wait_for(&["(interrupted: the rest goes by without waiting)"]);
+    demo.wait_for(&["All as it should be."]);
 }

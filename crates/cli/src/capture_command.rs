@@ -15,7 +15,7 @@ use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-use crate::arguments::Baud;
+use crate::arguments::{Baud, whole};
 use crate::{Failure, output, recording};
 
 /// How long to listen at a rate before the next one is tried: a master repeats itself within that.
@@ -55,7 +55,7 @@ pub(crate) struct Capture {
     #[arg(long, default_value_t, value_name = "147|257")]
     link_type: LinkType,
     /// End after so many seconds
-    #[arg(long = "for", value_name = "SECONDS", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long = "for", value_name = "SECONDS", value_parser = whole::<u64>(1..=31_536_000), allow_hyphen_values = true)]
     seconds: Option<u64>,
     /// The result as a document
     #[arg(long)]
@@ -165,7 +165,7 @@ impl Listener {
                 self.tap.saw(now, Sight::Rate(rate));
             }
             Event::Left => self.tap.saw(now, Sight::MasterLeft),
-            Event::Noted(note) => eprintln!("note: {note}"),
+            Event::Noted(note) => output::aside(&format!("note: {note}")),
             Event::Woken | Event::TimedOut => {}
         }
     }

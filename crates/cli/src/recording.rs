@@ -26,10 +26,10 @@ pub(crate) fn end(recorder: Recorder, path: &Path) -> Result<u64, Failure> {
         )));
     }
     if report.missing > 0 {
-        eprintln!(
+        crate::output::aside(&format!(
             "warning: {} events are missing in the capture {path}: the disk was too slow; its packets say where",
             report.missing
-        );
+        ));
     }
     Ok(report.packets)
 }

@@ -14,7 +14,7 @@ use dissector::{Conversation, Item, Profile, Service};
 use profibus_dp::time::Baudrate;
 use serde::Serialize;
 
-use crate::arguments::Baud;
+use crate::arguments::{Baud, whole};
 use crate::{Failure, output};
 use line::Line;
 
@@ -47,7 +47,7 @@ pub(crate) struct Replay {
     #[arg(long, default_value = "500000", value_name = "RATE", allow_hyphen_values = true)]
     baud: Baud,
     /// How long an answer may take, in milliseconds
-    #[arg(long, default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=60_000), value_name = "MS")]
+    #[arg(long, default_value_t = 1000, value_parser = whole::<u64>(1..=60_000), allow_hyphen_values = true, value_name = "MS")]
     patience: u64,
     /// One document for each difference and one for the result, each in a line
     #[arg(long)]
@@ -192,7 +192,7 @@ impl Replay {
                 }
                 Ok(None) => break,
                 Err(error @ capture::ReadError::Cut { .. }) => {
-                    eprintln!("warning: {name} {error}");
+                    output::aside(&format!("warning: {name} {error}"));
                     break;
                 }
                 Err(error) => return Err(failed(error.to_string())),

@@ -33,7 +33,9 @@ pub(super) fn stream(
         printer.end_packet();
     }
     if let Some((packets, link_type)) = reader.foreign() {
-        eprintln!("note: {packets} packets of link type {link_type}, which is not PROFIBUS, were left out");
+        crate::output::aside(&format!(
+            "note: {packets} packets of link type {link_type}, which is not PROFIBUS, were left out"
+        ));
     }
     Ok(())
 }

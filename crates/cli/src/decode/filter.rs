@@ -3,11 +3,13 @@
 use clap::Args;
 use dissector::{Dissected, Entry, Item, Service};
 
+use crate::arguments::whole;
+
 /// The options that choose.
 #[derive(Debug, Args)]
 pub(super) struct Filter {
     /// Only telegrams from or to this station
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=127))]
+    #[arg(long, value_name = "N", value_parser = whole::<u8>(0..=127), allow_hyphen_values = true)]
     address: Option<u8>,
     /// Only telegrams of this service, like Data_Exchange or Slave_Diag
     #[arg(long, value_name = "NAME", value_parser = service)]

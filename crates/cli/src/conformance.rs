@@ -66,6 +66,9 @@ pub(crate) struct Conformance {
     /// Requests with low priority, wherever a case does not say otherwise
     #[arg(long)]
     srd_low: bool,
+    /// Accept no alternative that only a disputed point allows
+    #[arg(long)]
+    strict: bool,
     /// One line for each case that passes
     #[arg(long)]
     brief: bool,
@@ -219,7 +222,7 @@ impl Conformance {
         // The two masters have addresses that the slave has not.
         let mut free = (2..).filter(|address| *address != self.address);
         let masters = [free.next().unwrap_or(2), free.next().unwrap_or(3)];
-        Options { masters, rate: self.baud, srd_low: self.srd_low, long: self.long }
+        Options { masters, rate: self.baud, srd_low: self.srd_low, long: self.long, strict: self.strict }
     }
 
     fn play(

@@ -24,11 +24,13 @@ pub struct Options {
     pub srd_low: bool,
     /// Cases that take long are tried as well.
     pub long: bool,
+    /// Alternatives that only a disputed point allows do not count.
+    pub strict: bool,
 }
 
 impl Default for Options {
     fn default() -> Self {
-        Self { masters: [2, 3], rate: Baudrate::B500000, srd_low: false, long: false }
+        Self { masters: [2, 3], rate: Baudrate::B500000, srd_low: false, long: false, strict: false }
     }
 }
 
@@ -320,7 +322,10 @@ impl<'a> Runner<'a> {
         let (signals, master) = self.signals(line);
         self.rig.send(&signals)?;
         let stream = self.rig.abilities().stream;
-        let due: Vec<&Due> = due.iter().filter(|due| due.stream.is_none_or(|only| only == stream)).collect();
+        let strict = self.options.strict;
+        let counts =
+            |due: &&Due| due.stream.is_none_or(|only| only == stream) && !(strict && due.disputed.is_some());
+        let due: Vec<&Due> = due.iter().filter(counts).collect();
         let heard = self.rig.listen(expectation(&due))?;
         self.judge(&line.text, &signals, &heard, &due, master)
     }

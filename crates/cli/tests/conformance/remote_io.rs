@@ -59,6 +59,8 @@ pub(crate) struct Io {
     cfg: Vec<u8>,
     outputs: [u8; 8],
     overload: bool,
+    /// Its supply is too high or too low: the inputs are not valid.
+    dead: bool,
 }
 
 impl Application for Io {
@@ -97,12 +99,16 @@ impl Application for Io {
     }
 
     fn diagnosis(&self, _: bool, to: &mut [u8]) -> ExtendedDiagnosis {
-        to[..2].copy_from_slice(&[0x02, u8::from(self.overload)]);
+        to[..2].copy_from_slice(&[0x02, u8::from(self.overload) | u8::from(self.dead) << 1]);
         ExtendedDiagnosis { length: 2, overflow: false }
     }
 
     fn external_diagnosis(&self, _: bool) -> bool {
-        self.overload
+        self.overload || self.dead
+    }
+
+    fn static_diagnosis(&self) -> bool {
+        self.dead
     }
 
     fn is_fail_safe(&self) -> bool {
@@ -128,7 +134,7 @@ impl Subject for RemoteIo {
             BaudSetting::Fixed(order.rate)
         };
         let configuration = Configuration { address: Some(ADDRESS), baud, receiver: ReceiverMode::Stream };
-        let io = Io { kind: *self, cfg: self.cfg(), outputs: [0; 8], overload: false };
+        let io = Io { kind: *self, cfg: self.cfg(), outputs: [0; 8], overload: false, dead: false };
         DpSlave::new(now, configuration, io)
     }
 
@@ -144,6 +150,12 @@ impl Subject for RemoteIo {
             Action::Battery(battery) => {
                 if let Some(slave) = station {
                     slave.application_mut().overload = *battery != Battery::Ok;
+                    slave.diagnosis_changed();
+                }
+            }
+            Action::Supply(tenths) => {
+                if let Some(slave) = station {
+                    slave.application_mut().dead = !(90..=300).contains(tenths);
                     slave.diagnosis_changed();
                 }
             }

@@ -10,6 +10,11 @@ use crate::list::Mutant;
 use crate::subject::{Kind, Version};
 use crate::wrong::{PowerOn, Setting, model};
 
+/// What is disputed counts as the model reads it, so that a slave that reads it otherwise is wrong.
+fn options() -> Options {
+    Options { strict: true, ..Options::default() }
+}
+
 /// The cases and, for each, the kind of device that it is played on.
 pub(crate) struct Laboratory {
     devices: Vec<(Kind, Device)>,
@@ -58,7 +63,7 @@ impl Laboratory {
         let mut failed = vec![false; cases().len()];
         for (kind, device) in &self.devices {
             let mut rig = rig(*kind, power_on);
-            let mut runner = Runner::new(device, &mut rig, Options::default()).expect("it has a mode");
+            let mut runner = Runner::new(device, &mut rig, options()).expect("it has a mode");
             for (at, case) in cases().iter().enumerate() {
                 if self.plays(at) && self.model[at].0 == *kind {
                     let result = runner.run(case).expect("a virtual rig does not break");
@@ -82,7 +87,7 @@ fn home(case: &Case, devices: &[(Kind, Device)]) -> (Kind, CaseResult) {
     let mut skipped = None;
     for (kind, device) in devices.iter().filter(|(kind, _)| kind.is_stream() || !on_a_stream) {
         let mut rig = rig(*kind, model);
-        let mut runner = Runner::new(device, &mut rig, Options::default()).expect("it has a mode");
+        let mut runner = Runner::new(device, &mut rig, options()).expect("it has a mode");
         let mut result = runner.run(case).expect("a virtual rig does not break");
         if case.before.search {
             result.outcome = Outcome::Skip;

@@ -110,7 +110,12 @@ impl Subject for Version {
     }
 
     fn has(&self, hand: Hand) -> bool {
-        matches!(hand, Hand::Power | Hand::Delivery | Hand::Switches | Hand::World)
+        match hand {
+            Hand::Power | Hand::Delivery | Hand::Switches | Hand::World => true,
+            // The encoder's cases mean a shaft that its scaling counts.
+            Hand::Shaft => self.kind != Kind::Encoder,
+            _ => false,
+        }
     }
 
     fn act(&mut self, station: &mut Option<Boxed>, now: Instant, action: &Action, order: &Order) {
@@ -123,6 +128,11 @@ impl Subject for Version {
         let Some(Boxed(slave)) = station else { return };
         let device = slave.device();
         match *action {
+            Action::Shaft(raw) => {
+                let octets = raw.to_be_bytes();
+                let count = device.inputs.len();
+                return device.inputs.copy_from_slice(&octets[octets.len() - count..]);
+            }
             Action::PowerOff => {
                 if let (126, Some(address)) = (self.switches, slave.address()) {
                     self.kept = address;

@@ -24,6 +24,7 @@ fn main() -> ExitCode {
         ["demo-cycle-ratio"] => {
             demo_cycle::measure().map(|cycle| format!("{:.3}\n", cycle.ours / cycle.theirs))
         }
+        ["help"] => processes::help().map(|ms| format!("{ms:.2}\n")),
         ["start"] => processes::start_to_ready().map(|ms| format!("{ms:.2}\n")),
         ["ram"] => Ok(format!("{}\n", device::ram())),
         [work, rounds] => rounds

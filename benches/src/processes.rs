@@ -79,6 +79,21 @@ pub(crate) fn start_to_ready() -> Result<f64, String> {
     times.collect::<Result<_, _>>().map(median)
 }
 
+/// `sch108bex --help` from its start to its end, in milliseconds.
+pub(crate) fn help() -> Result<f64, String> {
+    let program = own_path()?.with_file_name("sch108bex");
+    let once = |_| {
+        let started = Instant::now();
+        let status = Command::new(&program).arg("--help").stdout(Stdio::null()).status();
+        match status {
+            Ok(status) if status.success() => Ok(started.elapsed().as_secs_f64() * 1e3),
+            Ok(status) => Err(format!("{} --help ended with {status}.", program.display())),
+            Err(error) => Err(format!("{}: {error}.", program.display())),
+        }
+    };
+    (0..STARTS).map(once).collect::<Result<_, _>>().map(median)
+}
+
 /// A Data_Exchange with `sch108bex run` over the same octets with a bare echo.
 ///
 /// Where the system puts two processes that wake each other decides by itself over a factor of up to

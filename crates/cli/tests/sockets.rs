@@ -8,12 +8,13 @@ mod driver;
 #[allow(dead_code, reason = "the other tests use the rest")]
 #[path = "program/master.rs"]
 mod master;
+mod tools;
 
-use std::fs::{self, OpenOptions};
+use std::fs;
 use std::io::{ErrorKind, Read, Write};
 use std::net::{Shutdown, TcpListener, TcpStream};
 use std::os::unix::net::{UnixListener, UnixStream};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
@@ -22,6 +23,7 @@ use tempfile::tempdir;
 
 use driver::{Program, end_of, program, run};
 use master::{CLASS_2, IDENT, MASTER, sd2, status, status_answer, sum};
+use tools::python;
 
 /// How long an answer may take before the request is repeated.
 const ANSWER_WITHIN: Duration = Duration::from_millis(500);
@@ -333,21 +335,6 @@ fn what_cannot_be_had_is_a_sentence_and_status_1() {
         assert!(parts.iter().all(|part| ended.errors.contains(part)), "{port}: {}", ended.errors);
     }
     assert_eq!(fs::read(directory.path().join("file")).unwrap(), b"precious");
-}
-
-/// The Python to use. Without one the test says so, in the log of skipped tests too.
-fn python(test: &str) -> Option<PathBuf> {
-    if let Some(python) = std::env::var_os("SCH108BEX_PYTHON") {
-        return Some(python.into());
-    }
-    let reason = "SCH108BEX_PYTHON does not name a Python that has pyprofibus";
-    eprintln!("SKIPPED {test}: {reason}");
-    if let Some(log) = std::env::var_os("SCH108BEX_SKIP_LOG") {
-        let log = OpenOptions::new().create(true).append(true).open(log);
-        writeln!(log.expect("the log of skipped tests"), "{test}\t{reason}")
-            .expect("the log of skipped tests");
-    }
-    None
 }
 
 #[test]

@@ -4,6 +4,8 @@ mod encoder;
 mod masters;
 mod ports;
 mod remote_io;
+#[path = "../tools/mod.rs"]
+mod tools;
 
 use std::collections::BTreeSet;
 use std::time::{Duration, Instant};

@@ -2,31 +2,16 @@
 //!
 //! 20 s here. `SCH108BEX_ENDURANCE` makes it another number of seconds: 600 was run once.
 
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
 use crate::ports::Encoder;
+use crate::tools::python;
 
 fn seconds() -> u64 {
     std::env::var("SCH108BEX_ENDURANCE").ok().and_then(|text| text.parse().ok()).unwrap_or(20)
-}
-
-/// The Python to use. Without one the test says so, in the log of skipped tests too.
-fn python(test: &str) -> Option<PathBuf> {
-    if let Some(python) = std::env::var_os("SCH108BEX_PYTHON") {
-        return Some(python.into());
-    }
-    let reason = "SCH108BEX_PYTHON does not name a Python that has pyprofibus";
-    eprintln!("SKIPPED {test}: {reason}");
-    if let Some(log) = std::env::var_os("SCH108BEX_SKIP_LOG") {
-        let log = std::fs::OpenOptions::new().create(true).append(true).open(log);
-        writeln!(log.expect("the log of skipped tests"), "{test}\t{reason}")
-            .expect("the log of skipped tests");
-    }
-    None
 }
 
 #[test]

@@ -24,5 +24,7 @@ mod serial;
 mod shown;
 mod state;
 mod timing;
+#[path = "../tools/mod.rs"]
+mod tools;
 mod wireshark;
 mod words;

@@ -3,29 +3,13 @@
 //! The scripts in `peers` write down what it sees, one fact a line; here is judged whether that is right.
 //! They need a Python with the library, which `SCH108BEX_PYTHON` names.
 
-use std::fs::OpenOptions;
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Stdio};
 
 use serde_json::Value;
 
 use crate::driver::{Program, end_of, run};
-
-/// The Python to use. Without one the test says so, in the log of skipped tests too.
-pub(crate) fn python(test: &str) -> Option<PathBuf> {
-    if let Some(python) = std::env::var_os("SCH108BEX_PYTHON") {
-        return Some(python.into());
-    }
-    let reason = "SCH108BEX_PYTHON does not name a Python that has pyprofibus";
-    eprintln!("SKIPPED {test}: {reason}");
-    if let Some(log) = std::env::var_os("SCH108BEX_SKIP_LOG") {
-        let log = OpenOptions::new().create(true).append(true).open(log);
-        writeln!(log.expect("the log of skipped tests"), "{test}\t{reason}")
-            .expect("the log of skipped tests");
-    }
-    None
-}
+use crate::tools::python;
 
 /// What a script saw.
 struct Facts(Vec<Value>);

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use crate::driver::{Ended, Program, program, run};
 use crate::master::Terminal;
-use crate::pyprofibus;
+use crate::tools::python;
 
 const PAGE: &str = include_str!("../../../../README.md");
 /// What `cargo xtask` answers to a word that is no task.
@@ -141,7 +141,7 @@ fn every_link_of_the_page_leads_somewhere() {
 
 #[test]
 fn the_master_in_python_prints_positions() {
-    let Some(python) = pyprofibus::python("the_master_in_python_prints_positions") else { return };
+    let Some(python) = python("readme::the_master_in_python_prints_positions") else { return };
     let mut encoder = run(["--switches", "05", "--shaft", "constant:60"]);
     let bus = encoder.bus().display().to_string();
     let script = blocks().into_iter().find(|block| block.language == "python").expect("a script");

@@ -3,9 +3,8 @@
 //! They need tshark 4, which `SCH108BEX_TSHARK` names.
 
 use std::collections::BTreeMap;
-use std::fs::{self, OpenOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::fs;
+use std::path::Path;
 use std::process::Command;
 
 use capture::{LinkType, Packet, Writer};
@@ -14,21 +13,7 @@ use tempfile::tempdir;
 
 use crate::driver::{end_of, program, run};
 use crate::master::{CLASS_2, Master};
-
-/// The tshark to use. Without one the test says so, in the log of skipped tests too.
-fn tshark(test: &str) -> Option<PathBuf> {
-    if let Some(tshark) = std::env::var_os("SCH108BEX_TSHARK") {
-        return Some(tshark.into());
-    }
-    let reason = "SCH108BEX_TSHARK does not name a tshark";
-    eprintln!("SKIPPED {test}: {reason}");
-    if let Some(log) = std::env::var_os("SCH108BEX_SKIP_LOG") {
-        let log = OpenOptions::new().create(true).append(true).open(log);
-        writeln!(log.expect("the log of skipped tests"), "{test}\t{reason}")
-            .expect("the log of skipped tests");
-    }
-    None
-}
+use crate::tools::tshark;
 
 /// The fields of a packet by their names; a name can come more than once.
 type Fields = BTreeMap<String, Vec<String>>;

@@ -1,0 +1,31 @@
+//! Tools that a test needs and a computer may not have, each named by a variable of the environment.
+
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::PathBuf;
+
+/// The tool that `variable` names. Without one the test says so, in the log of skipped tests too.
+fn named(variable: &str, what: &str, test: &str) -> Option<PathBuf> {
+    if let Some(tool) = std::env::var_os(variable) {
+        return Some(tool.into());
+    }
+    let reason = format!("{variable} does not name {what}");
+    eprintln!("SKIPPED {test}: {reason}");
+    if let Some(log) = std::env::var_os("SCH108BEX_SKIP_LOG") {
+        let log = OpenOptions::new().create(true).append(true).open(log);
+        writeln!(log.expect("the log of skipped tests"), "{test}\t{reason}")
+            .expect("the log of skipped tests");
+    }
+    None
+}
+
+/// A Python that has pyprofibus.
+pub(crate) fn python(test: &str) -> Option<PathBuf> {
+    named("SCH108BEX_PYTHON", "a Python that has pyprofibus", test)
+}
+
+/// A tshark.
+#[allow(dead_code, reason = "not every binary of tests looks at captures")]
+pub(crate) fn tshark(test: &str) -> Option<PathBuf> {
+    named("SCH108BEX_TSHARK", "a tshark", test)
+}

@@ -195,7 +195,7 @@ fn told<const N: usize>(what: &str, count: u32, bits: [(bool, &str); N]) -> Stri
     }
 }
 
-fn encoder_type(kind: u32) -> &'static str {
+pub(crate) fn encoder_type(kind: u32) -> &'static str {
     match kind {
         0 => "singleturn absolute",
         1 => "multiturn absolute",

@@ -6,6 +6,7 @@
 //! | [`splitter`] | telegrams out of a stream of octets, with what is none said and skipped |
 //! | [`field`] | a value with the octets that it stands in, its name and its meaning |
 //! | [`dissected`] | a telegram as fields |
+//! | [`advice`] | what a diagnosis or a refusal means for the machine, and what to do about it |
 //! | [`conversation`] | a sequence: which request an answer belongs to, what each station agreed |
 //!
 //! Octets count from 1. Nothing is assumed that the telegrams do not say: an answer without its request
@@ -26,6 +27,7 @@
 
 #![forbid(unsafe_code)]
 
+pub mod advice;
 pub mod conversation;
 pub mod dissected;
 mod encoder;

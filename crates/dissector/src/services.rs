@@ -8,7 +8,7 @@ use profibus_dp::wire::global_control::{GlobalControl, ModeCommand};
 use profibus_dp::wire::set_slave_add::SetSlaveAdd;
 
 pub(crate) use configuration::{identifiers, lengths_in_words};
-pub(crate) use diagnosis::{Block, standard as standard_diagnosis};
+pub(crate) use diagnosis::{Block, channel, modules, standard as standard_diagnosis};
 pub(crate) use parameters::standard as standard_parameters;
 
 use crate::field::Data;

@@ -111,17 +111,8 @@ fn tell(data: &mut Data<'_>, Block { octets, kind }: Block) {
     match kind {
         0 => data.raw(octets, "Device_Block", format!("device related, {} octets", last + 1 - first)),
         1 => {
-            let faulty: Vec<_> = (first + 1..=last)
-                .flat_map(|octet| (0..8).map(move |bit| (octet, bit)))
-                .filter(|&(octet, bit)| data.octet(octet).is_some_and(|value| value >> bit & 1 == 1))
-                .map(|(octet, bit)| ((octet - first - 1) * 8 + bit).to_string())
-                .collect();
-            let words = if faulty.is_empty() {
-                "no module".to_owned()
-            } else {
-                format!("module {}", faulty.join(", "))
-            };
-            data.raw(octets, "Identifier_Block", format!("diagnosis of {words}"));
+            let words = format!("diagnosis of {}", modules(data.octets, octets));
+            data.raw(octets, "Identifier_Block", words);
         }
         2 => {
             let octet = |number| data.octet(number).unwrap_or(0);
@@ -135,7 +126,19 @@ fn tell(data: &mut Data<'_>, Block { octets, kind }: Block) {
     }
 }
 
-fn channel([identifier, number, kind]: [u8; 3]) -> String {
+/// The modules that a block of identifier related diagnosis names.
+pub(crate) fn modules(octets: &[u8], [first, last]: [usize; 2]) -> String {
+    let octet = |number| profibus_dp::wire::octet(octets, number);
+    let faulty: Vec<_> = (first + 1..=last)
+        .flat_map(|octet| (0..8).map(move |bit| (octet, bit)))
+        .filter(|&(number, bit)| octet(number).is_some_and(|value| value >> bit & 1 == 1))
+        .map(|(octet, bit)| ((octet - first - 1) * 8 + bit).to_string())
+        .collect();
+    if faulty.is_empty() { "no module".to_owned() } else { format!("module {}", faulty.join(", ")) }
+}
+
+/// What a block of channel related diagnosis says.
+pub(crate) fn channel([identifier, number, kind]: [u8; 3]) -> String {
     let direction = ["", "input ", "output ", "input/output "][usize::from(number >> 6)];
     let width = ["", "1 bit", "2 bits", "4 bits", "octet", "word", "2 words", ""][usize::from(kind >> 5)];
     let error = match kind & 0x1F {

@@ -10,6 +10,7 @@ use crate::diagnostics::Alarms;
 use crate::encoder::{Encoder, Identity};
 use crate::end_cap::{EffectiveAddress, effective_address};
 use crate::event::{Observer, PositionErrorCause};
+use crate::halves::{BusHalf, ShaftHalf};
 use crate::health::{Battery, Measurement};
 use crate::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot, SlotFault};
 use crate::sensor::ShaftReading;
@@ -18,11 +19,11 @@ use crate::specification::{SUPPLY_MIN_MV, SUPPLY_OFF_BELOW_MV};
 use crate::write_policy::WritePolicy;
 
 /// The most input and output octets of any functionality (manual 4.3).
-const INPUTS: usize = 12;
-const OUTPUTS: usize = 4;
+pub(crate) const INPUTS: usize = 12;
+pub(crate) const OUTPUTS: usize = 4;
 
 /// The bus half on whole telegrams.
-type BusHalf<O> = Slave<Encoder<O>, INPUTS, OUTPUTS>;
+type BusSlave<O> = Slave<Encoder<O>, INPUTS, OUTPUTS>;
 
 /// What holds at power-on.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -70,7 +71,7 @@ pub struct Device<O = ()> {
 
 /// The non-volatile memory as seen from the core.
 #[derive(Debug)]
-struct Memory {
+pub(crate) struct Memory {
     policy: WritePolicy,
     /// The supply measured last.
     supply_mv: i32,
@@ -102,6 +103,12 @@ impl<O: Observer> Device<O> {
         let mut device = Self { bus: DpSlave::new(now, configuration, encoder), sensor, memory };
         device.memory.note_change(&mut device.sensor);
         device
+    }
+
+    /// The two halves by themselves, for firmware that drives them at different priorities.
+    pub fn into_halves(self) -> (BusHalf<O>, ShaftHalf) {
+        let Self { bus, sensor, memory } = self;
+        (BusHalf { bus }, ShaftHalf { sensor, memory })
     }
 
     /// Offers other configurations than those of the manual's readings, before a master comes.
@@ -177,11 +184,7 @@ impl<O: Observer> Device<O> {
     /// Reading "Operating time": everything is written when the supply falls, below its range and
     /// once more below what the device runs on.
     pub fn measure(&mut self, now: Instant, measurement: &Measurement) {
-        let before = core::mem::replace(&mut self.memory.supply_mv, measurement.supply_mv);
-        let falls_below = |limit| measurement.supply_mv < limit && before >= limit;
-        if falls_below(SUPPLY_MIN_MV) || falls_below(SUPPLY_OFF_BELOW_MV) {
-            self.memory.policy.force();
-        }
+        self.memory.note_supply(measurement.supply_mv);
         self.sensor.measure(now, measurement, &mut self.bus.application_mut().observer);
         self.publish_health();
     }
@@ -204,38 +207,24 @@ impl<O: Observer> Device<O> {
 
     /// What is to be written now. It must be confirmed within 40 ms, or told to have failed.
     pub fn take_nonvolatile(&mut self, now: Instant) -> Option<NonvolatileWrite> {
-        let memory = &mut self.memory;
-        if self.bus.application_mut().take_address_change() {
-            memory.policy.force();
-        }
-        // A latch may have ended what a power-on began: the turn count is known again.
-        memory.note_change(&mut self.sensor);
-        if !memory.policy.take(now) {
-            return None;
-        }
-        memory.sequence = memory.sequence.wrapping_add(1);
-        memory.slot = memory.slot.other();
-        let record = self.sensor.record(now, self.bus.application().stored_address());
-        Some(NonvolatileWrite { slot: memory.slot, octets: record.encode(memory.sequence) })
+        let encoder = self.bus.application_mut();
+        let address_changed = encoder.take_address_change();
+        self.memory.take(now, &mut self.sensor, encoder.stored_address(), address_changed)
     }
 
     /// The record taken is in the memory.
     pub fn confirm_nonvolatile(&mut self) {
-        self.memory.policy.confirm();
-        if core::mem::take(&mut self.memory.fresh) {
-            self.memory.policy.force();
-        }
+        self.memory.confirm();
     }
 
     /// The record taken could not be written; it will be tried again, to the same slot.
     pub fn nonvolatile_failed(&mut self, now: Instant) {
-        self.memory.slot = self.memory.slot.other();
-        self.memory.policy.failed(now);
+        self.memory.failed(now);
     }
 
     /// The end is near and known: everything is to be written without delay.
     pub fn shut_down(&mut self) {
-        self.memory.policy.force();
+        self.memory.force();
     }
 
     fn obey_if_asked(&mut self, now: Instant) {
@@ -262,7 +251,7 @@ fn never_confirmed(stored: &Choice) -> bool {
 /// Lets the sensor half do what the bus asked for.
 #[cold]
 #[inline(never)]
-fn obey<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, memory: &mut Memory, now: Instant) {
+fn obey<O: Observer>(slave: &mut BusSlave<O>, sensor: &mut SensorHalf, memory: &mut Memory, now: Instant) {
     let encoder = slave.application_mut();
     while let Some(demand) = encoder.take_demand() {
         sensor.obey(now, demand, &mut encoder.observer);
@@ -277,7 +266,7 @@ fn obey<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, memory: &m
 /// until the owner has fetched it.
 #[cold]
 #[inline(never)]
-fn publish_health<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, memory: &mut Memory) {
+fn publish_health<O: Observer>(slave: &mut BusSlave<O>, sensor: &mut SensorHalf, memory: &mut Memory) {
     let health = sensor.health();
     let encoder = slave.application_mut();
     let before = core::mem::replace(&mut encoder.health, health);
@@ -293,10 +282,61 @@ fn publish_health<O: Observer>(slave: &mut BusHalf<O>, sensor: &mut SensorHalf, 
 }
 
 impl Memory {
-    fn note_change(&mut self, sensor: &mut SensorHalf) {
+    /// Something that must be kept may have changed.
+    pub(crate) fn note_change(&mut self, sensor: &mut SensorHalf) {
         if sensor.take_record_change() {
             self.policy.change();
         }
+    }
+
+    /// Everything is to be written without delay.
+    pub(crate) fn force(&mut self) {
+        self.policy.force();
+    }
+
+    /// Reading "Operating time": everything is written when the supply falls.
+    pub(crate) fn note_supply(&mut self, supply_mv: i32) {
+        let before = core::mem::replace(&mut self.supply_mv, supply_mv);
+        let falls_below = |limit| supply_mv < limit && before >= limit;
+        if falls_below(SUPPLY_MIN_MV) || falls_below(SUPPLY_OFF_BELOW_MV) {
+            self.policy.force();
+        }
+    }
+
+    /// See [`Device::take_nonvolatile`].
+    pub(crate) fn take(
+        &mut self,
+        now: Instant,
+        sensor: &mut SensorHalf,
+        stored_address: Option<u8>,
+        address_changed: bool,
+    ) -> Option<NonvolatileWrite> {
+        if address_changed {
+            self.policy.force();
+        }
+        // A latch may have ended what a power-on began: the turn count is known again.
+        self.note_change(sensor);
+        if !self.policy.take(now) {
+            return None;
+        }
+        self.sequence = self.sequence.wrapping_add(1);
+        self.slot = self.slot.other();
+        let record = sensor.record(now, stored_address);
+        Some(NonvolatileWrite { slot: self.slot, octets: record.encode(self.sequence) })
+    }
+
+    /// See [`Device::confirm_nonvolatile`].
+    pub(crate) fn confirm(&mut self) {
+        self.policy.confirm();
+        if core::mem::take(&mut self.fresh) {
+            self.policy.force();
+        }
+    }
+
+    /// See [`Device::nonvolatile_failed`].
+    pub(crate) fn failed(&mut self, now: Instant) {
+        self.slot = self.slot.other();
+        self.policy.failed(now);
     }
 }
 

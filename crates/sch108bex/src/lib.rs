@@ -22,6 +22,7 @@
 //! | [`sensor_half`] | | everything from the shaft to the input image, as one piece |
 //! | [`encoder`] | | the bus half: the encoder as the application of a DP slave |
 //! | [`device`] | | both halves and the memory: the whole, from power-on to power-off |
+//! | [`halves`] | | the two halves by themselves, for firmware |
 //! | [`refusal`], [`event`] | | why something was refused, and what happened |
 #![no_std]
 #![forbid(unsafe_code)]
@@ -50,6 +51,7 @@ pub mod encoder;
 pub mod end_cap;
 pub mod event;
 pub mod functionality;
+pub mod halves;
 pub mod health;
 pub mod motion;
 pub mod nonvolatile;

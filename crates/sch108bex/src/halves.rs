@@ -1,0 +1,206 @@
+//! The device as two halves that run at different priorities: for firmware.
+//!
+//! [`Device`](crate::Device) is both in one and carries over what they exchange at once. Firmware
+//! keeps the [`BusHalf`] for its bus interrupt and the [`ShaftHalf`] for its latch, and carries
+//! over itself, each piece in a critical section of a few instructions:
+//!
+//! | what | from | to | when |
+//! |---|---|---|---|
+//! | input image | [`ShaftHalf::inputs`] | [`BusHalf::show`] | after each latch, after each demand |
+//! | health | [`ShaftHalf::health`] | [`BusHalf::publish`] | after whatever returns that it changed |
+//! | demands | [`BusHalf::take_demand`] | [`ShaftHalf::obey`] | after each telegram |
+//! | stored address | [`BusHalf::take_address_change`] | [`ShaftHalf::take_nonvolatile`] | before each question |
+
+use profibus_dp::dp::DpSlave;
+use profibus_dp::fdl::{Station, Window};
+use profibus_dp::time::Instant;
+
+use crate::device::{INPUTS, Memory, NonvolatileWrite, OUTPUTS};
+use crate::diagnostics::Alarms;
+use crate::encoder::Encoder;
+use crate::event::{Observer, PositionErrorCause};
+use crate::health::{Health, Measurement};
+use crate::sensor::ShaftReading;
+use crate::sensor_half::{Demand, InputImage, SensorHalf};
+
+/// Receiver, station, slave and the encoder's part of them.
+#[derive(Debug)]
+pub struct BusHalf<O = ()> {
+    pub(crate) bus: DpSlave<Encoder<O>, INPUTS, OUTPUTS>,
+}
+
+/// Latch, scaling, motion and health, and the policy of the non-volatile memory.
+#[derive(Debug)]
+pub struct ShaftHalf {
+    pub(crate) sensor: SensorHalf,
+    pub(crate) memory: Memory,
+}
+
+impl<O: Observer> BusHalf<O> {
+    /// States, rate, address.
+    pub const fn bus(&self) -> &DpSlave<Encoder<O>, INPUTS, OUTPUTS> {
+        &self.bus
+    }
+
+    /// Takes one octet that ended at `now`; whether it completes a telegram. If so,
+    /// [`take_collected`](Self::take_collected) must follow, with the same `now`.
+    #[inline]
+    pub fn collect(&mut self, now: Instant, octet: u8) -> bool {
+        self.bus.collect(now, octet)
+    }
+
+    /// Obeys the telegram just completed; the window of the reply, where there is one.
+    #[inline]
+    pub fn take_collected(&mut self, now: Instant) -> Option<Window> {
+        self.bus.take_collected(now)
+    }
+
+    /// The reply, if `now` lies in its window. Octets handed out count as sent.
+    #[inline]
+    pub fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        self.bus.transmit(now)
+    }
+
+    /// A character with a parity, framing or overrun error.
+    pub fn line_error(&mut self, now: Instant) {
+        self.bus.line_error(now);
+    }
+
+    /// Lets time pass: watchdog, baud search.
+    pub fn poll(&mut self, now: Instant) {
+        self.bus.poll(now);
+    }
+
+    /// Whether [`take_demand`](Self::take_demand) has something.
+    #[inline]
+    pub const fn is_demanding(&self) -> bool {
+        self.bus.application().is_demanding()
+    }
+
+    /// What the other half has to do next.
+    pub fn take_demand(&mut self) -> Option<Demand> {
+        self.bus.application_mut().take_demand()
+    }
+
+    /// Shows the inputs of the latest latch from now on.
+    #[inline]
+    pub fn show(&mut self, inputs: &InputImage) {
+        self.bus.application_mut().image = *inputs;
+    }
+
+    /// Shows alarms, warnings, operating time and offset; answers are high priority after a change
+    /// of a bit that is sent.
+    pub fn publish(&mut self, health: Health) {
+        let encoder = self.bus.application_mut();
+        let before = core::mem::replace(&mut encoder.health, health);
+        let warnings_changed = encoder.sends_warnings() && before.warnings != health.warnings;
+        if before.alarms != health.alarms || warnings_changed {
+            self.bus.diagnosis_changed();
+        }
+    }
+
+    /// Whether the station address was set over the bus since the last call.
+    pub fn take_address_change(&mut self) -> bool {
+        self.bus.application_mut().take_address_change()
+    }
+
+    /// The station address set over the bus, if ever.
+    pub const fn stored_address(&self) -> Option<u8> {
+        self.bus.application().stored_address()
+    }
+}
+
+impl ShaftHalf {
+    /// Position, motion, health.
+    pub const fn sensor(&self) -> &SensorHalf {
+        &self.sensor
+    }
+
+    /// The input octets for the next answer.
+    #[inline]
+    pub const fn inputs(&self) -> &InputImage {
+        self.sensor.inputs()
+    }
+
+    /// What the diagnosis tells.
+    pub const fn health(&self) -> Health {
+        self.sensor.health()
+    }
+
+    /// Takes the latch that is due at `now`; whether the health changed with it.
+    #[inline]
+    pub fn sample(&mut self, now: Instant, reading: ShaftReading, observer: &mut impl Observer) -> bool {
+        let before = self.sensor.alarms();
+        self.sensor.sample(now, reading, observer);
+        let changed = self.sensor.alarms() != before;
+        if changed {
+            self.changed_from(before);
+        }
+        changed
+    }
+
+    /// Does what the bus asks. The image and the health have to be carried over then.
+    pub fn obey(&mut self, now: Instant, demand: Demand, observer: &mut impl Observer) {
+        self.sensor.obey(now, demand, observer);
+        self.memory.note_change(&mut self.sensor);
+    }
+
+    /// Takes what was measured of the world. The health has to be carried over then.
+    pub fn measure(&mut self, now: Instant, measurement: &Measurement, observer: &mut impl Observer) {
+        self.memory.note_supply(measurement.supply_mv);
+        self.sensor.measure(now, measurement, observer);
+        self.memory.note_change(&mut self.sensor);
+    }
+
+    /// Raises the position error alarm. The health has to be carried over then.
+    pub fn position_error(&mut self, now: Instant, cause: PositionErrorCause, observer: &mut impl Observer) {
+        let before = self.sensor.alarms();
+        self.sensor.position_error(now, cause, observer);
+        self.changed_from(before);
+    }
+
+    /// Lets time pass for alarms, warnings and operating time, if it brings something; whether it
+    /// did, and the health has to be carried over.
+    pub fn poll(&mut self, now: Instant, observer: &mut impl Observer) -> bool {
+        let due = self.sensor.next_deadline().is_some_and(|deadline| now >= deadline);
+        if due {
+            self.sensor.poll(now, observer);
+            self.memory.note_change(&mut self.sensor);
+        }
+        due
+    }
+
+    /// What is to be written now, with the station address as the bus half has it.
+    pub fn take_nonvolatile(
+        &mut self,
+        now: Instant,
+        stored_address: Option<u8>,
+        address_changed: bool,
+    ) -> Option<NonvolatileWrite> {
+        self.memory.take(now, &mut self.sensor, stored_address, address_changed)
+    }
+
+    /// The record taken is in the memory.
+    pub fn confirm_nonvolatile(&mut self) {
+        self.memory.confirm();
+    }
+
+    /// The record taken could not be written; it will be tried again, to the same slot.
+    pub fn nonvolatile_failed(&mut self, now: Instant) {
+        self.memory.failed(now);
+    }
+
+    /// The end is near and known: everything is to be written without delay.
+    pub fn shut_down(&mut self) {
+        self.memory.force();
+    }
+
+    /// Reading "Position error": stored at once.
+    #[cold]
+    fn changed_from(&mut self, before: Alarms) {
+        if (self.sensor.alarms() - before).contains(Alarms::POSITION_ERROR) {
+            self.memory.force();
+        }
+        self.memory.note_change(&mut self.sensor);
+    }
+}

@@ -6,6 +6,8 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::ValueEnum;
+use clap::builder::{OsStringValueParser, TypedValueParser};
+use plant::control::ControlAddress;
 use profibus_dp::time::Baudrate;
 use sch108bex::end_cap::TerminationSwitches;
 use sch108bex::health::Battery;
@@ -44,6 +46,11 @@ pub(crate) fn whole<T: TryFrom<u64>>(
             .and_then(|number| T::try_from(number).ok())
             .ok_or_else(|| format!("write a whole number from {} to {}", range.start(), range.end()))
     }
+}
+
+/// Where requests are taken: a path, or a TCP port of this computer.
+pub(crate) fn control_address() -> impl TypedValueParser<Value = ControlAddress> {
+    OsStringValueParser::new().try_map(ControlAddress::try_from)
 }
 
 /// Any number, in decimal digits.

@@ -63,7 +63,7 @@ enum Command {
     Datasheet(datasheet::Datasheet),
     /// Scenarios: files that say who is on which bus, what happens and what must hold
     Scenario(scenario::Scenario),
-    /// Steer encoders that run with --control PATH: shaft, world, power, faults, snapshot, events
+    /// Steer encoders that run with --control: shaft, world, power, faults, snapshot, events
     Ctl(ctl::Ctl),
 }
 

@@ -5,10 +5,11 @@ use std::sync::mpsc::{self, Sender};
 use std::time::Duration;
 
 use bus::{Link, PortAddress, Settings, open_for_slaves};
-use capture::{LinkType, Recorder};
 use clap::Args;
-use plant::control::{Server, Subscriptions};
-use plant::{EncoderSetup, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World};
+use plant::control::{ControlAddress, Server, Subscriptions};
+use plant::{
+    EncoderSetup, Handle, Plant, Rate, Report, Reporter, SegmentSetup, Shaft, Snapshot, Store, World,
+};
 use profibus_dp::fdl::BaudSetting;
 use profibus_dp::time::BitTimes;
 use sch108bex::Identity;
@@ -23,7 +24,7 @@ use crate::Failure;
 use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
 use crate::gsd::Offer;
 use crate::output;
-use crate::recording;
+use crate::recording::Capture;
 use crate::search::Searches;
 use crate::thinning::Thinning;
 
@@ -34,10 +35,10 @@ use crate::thinning::Thinning;
 #[derive(Debug, Args)]
 pub(crate) struct Run {
     /// A scenario file: its segments on their ports, and its events in real time; docs/scenarios.md has
-    /// what stands in it. Beside it only --control can be given
+    /// what stands in it. Beside it --control and --capture can be given
     #[arg(value_name = "FILE", conflicts_with_all = ["port", "link", "baud", "pace", "switches", "bits", "ident",
         "gsd", "serial", "state", "reset_state", "shaft", "supply", "temperature", "light", "battery",
-        "termination", "capture", "link_type", "reply_limit", "max_tsdr", "further"])]
+        "termination", "reply_limit", "max_tsdr", "further"])]
     scenario: Option<PathBuf>,
     /// Where the bus is
     ///
@@ -107,15 +108,15 @@ pub(crate) struct Run {
     /// The termination switches; the bus is the master, then the encoders in their order
     #[arg(long, default_value = "auto")]
     termination: TerminationState,
-    /// Take requests on a Unix socket at this path: see `sch108bex ctl` and docs/control.md
-    #[arg(long, value_name = "PATH")]
-    control: Option<PathBuf>,
-    /// Keep what is on the bus in this file, as pcapng: see docs/capture.md
-    #[arg(long, value_name = "FILE")]
-    capture: Option<PathBuf>,
-    /// What PROFIBUS is called in the file: 147 (USER0, for our Wireshark dissector) or 257 (PROFIBUS_DL)
-    #[arg(long, requires = "capture", default_value_t, value_name = "147|257")]
-    link_type: LinkType,
+    /// Take requests here: see `sch108bex ctl` and docs/control.md
+    ///
+    /// PATH: a Unix socket, for you alone.
+    ///
+    /// tcp:127.0.0.1:PORT: a TCP port of this computer, for every user of it; port 0 takes one that is free.
+    #[arg(long, value_parser = arguments::control_address(), value_name = "PATH|tcp:127.0.0.1:PORT")]
+    control: Option<ControlAddress>,
+    #[command(flatten)]
+    capture: Capture,
     /// A reply that would start later than this is not sent
     #[arg(long, default_value_t = 10, value_parser = arguments::whole::<u64>(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
@@ -139,7 +140,7 @@ impl Run {
     /// Runs until it is told to end.
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(file) = &self.scenario {
-            return crate::scenario::live::run(file, self.control.as_deref());
+            return crate::scenario::live::run(file, self.control.as_ref(), &self.capture);
         }
         self.check_port()?;
         let (to_main, wakes) = mpsc::channel();
@@ -168,34 +169,23 @@ impl Run {
         for note in &offer.notes {
             output::aside(&format!("note: {note}"));
         }
-        let recorder = self.start_recorder(&plant, &bus)?;
+        let captures = self.capture.start(&plant.handle(), &[("bus", &bus)], false)?;
         output::line(&format!("bus: {bus}"));
         let shared = shared_addresses(&plant.snapshots().map_err(failed)?);
         for note in notes.into_iter().chain(shared) {
             output::line(&note);
         }
         plant.start_shafts().map_err(failed)?;
-        let control = serve_control(self.control.as_deref(), &plant, subscriptions, &to_main)?;
+        let end = to_main.clone();
+        let control = serve_control(self.control.as_ref(), plant.handle(), subscriptions, move || {
+            let _ = end.send(Wake::End);
+        })?;
+        tell_address(control.as_ref());
         output::line("ready");
         drop(to_main);
         tell_until_end(&wakes);
         drop(control);
-        let stopped = plant.stop().map_err(failed);
-        let written = match (recorder, &self.capture) {
-            (Some(recorder), Some(path)) => recording::end(recorder, path).map(drop),
-            _ => Ok(()),
-        };
-        stopped.and(written)
-    }
-
-    /// Somebody who listens and writes, where one is asked for.
-    fn start_recorder(&self, plant: &Plant, bus: &str) -> Result<Option<Recorder>, Failure> {
-        let Some(path) = &self.capture else {
-            return Ok(None);
-        };
-        let recorder = recording::start(path, self.link_type, bus)?;
-        plant.handle().set_tap("bus", Some(Box::new(recorder.tap()))).map_err(failed)?;
-        Ok(Some(recorder))
+        plant.stop().map_err(failed).and(captures.end())
     }
 
     /// What does not go together with this --port.
@@ -304,22 +294,22 @@ impl Run {
     }
 }
 
-/// The control socket, where one is asked for.
+/// Somebody who takes requests, where one is asked for.
 pub(crate) fn serve_control(
-    path: Option<&Path>,
-    plant: &Plant,
+    address: Option<&ControlAddress>,
+    handle: Handle,
     subscriptions: Subscriptions,
-    to_main: &Sender<Wake>,
+    on_shutdown: impl Fn() + Send + Sync + 'static,
 ) -> Result<Option<Server>, Failure> {
-    let Some(path) = path else {
-        return Ok(None);
-    };
-    let to_main = to_main.clone();
-    let end = move || {
-        let _ = to_main.send(Wake::End);
-    };
-    let server = Server::start(path, plant.handle(), subscriptions, end);
-    server.map(Some).map_err(|error| Failure::Failed(format!("--control: {error}")))
+    let server = address.map(|address| Server::start(address, handle, subscriptions, on_shutdown));
+    server.transpose().map_err(|error| Failure::Failed(format!("--control: {error}")))
+}
+
+/// Prints where requests are taken.
+pub(crate) fn tell_address(control: Option<&Server>) {
+    if let Some(control) = control {
+        output::line(&format!("control: {}", control.address()));
+    }
 }
 
 fn open_store(path: Option<&Path>, variant: Variant, reset: bool) -> Result<Store, Failure> {

@@ -4,6 +4,7 @@ mod common;
 
 use std::fs;
 use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::os::unix::net::UnixStream;
 use std::path::PathBuf;
@@ -13,7 +14,7 @@ use std::thread;
 use std::time::{Duration as Time, Instant as Moment};
 
 use common::{Bench, bench, status_answer, wait_until};
-use plant::control::{MOST_CONNECTIONS, MOST_OCTETS, Server, Subscriptions};
+use plant::control::{ControlAddress, MOST_CONNECTIONS, MOST_OCTETS, Server, Subscriptions};
 use serde_json::{Value, json};
 
 /// A plant whose reports go to all subscriptions, and its socket.
@@ -26,9 +27,19 @@ struct Served {
 }
 
 fn serve(encoders: u8) -> Served {
-    let mut bench = bench(encoders);
     let directory = tempfile::tempdir().expect("a directory");
     let path = directory.path().join("control");
+    serve_at(encoders, &ControlAddress::Path(path.clone()), path, directory)
+}
+
+fn serve_on_tcp(encoders: u8) -> Served {
+    let directory = tempfile::tempdir().expect("a directory");
+    let address = "tcp:127.0.0.1:0".parse().expect("an address");
+    serve_at(encoders, &address, PathBuf::new(), directory)
+}
+
+fn serve_at(encoders: u8, address: &ControlAddress, path: PathBuf, directory: tempfile::TempDir) -> Served {
+    let mut bench = bench(encoders);
     let subscriptions = Subscriptions::new();
     let publish = subscriptions.clone();
     let reports = std::mem::replace(&mut bench.reports, mpsc::channel().1);
@@ -37,7 +48,7 @@ fn serve(encoders: u8) -> Served {
     let on_shutdown = move || {
         let _ = to.send(());
     };
-    let server = Server::start(&path, bench.handle.clone(), subscriptions, on_shutdown).expect("a server");
+    let server = Server::start(address, bench.handle.clone(), subscriptions, on_shutdown).expect("a server");
     Served { bench, server: Some(server), path, shutdowns, _directory: directory }
 }
 
@@ -78,12 +89,98 @@ fn the_socket_is_private_belongs_to_one_and_goes_at_the_end() {
     let mut served = serve(1);
     let mode = fs::symlink_metadata(&served.path).expect("a file").permissions().mode();
     assert_eq!(mode & 0o777, 0o600);
-    let second = Server::start(&served.path, served.bench.handle.clone(), Subscriptions::new(), || ());
+    let second = Server::start(
+        &ControlAddress::Path(served.path.clone()),
+        served.bench.handle.clone(),
+        Subscriptions::new(),
+        || (),
+    );
     let error = second.expect_err("one is there").to_string();
     assert!(error.contains("somebody listens there already"), "{error}");
     assert_eq!(Client::connect(&served).ask(r#"{"do":"supply","volts":20}"#), json!({"ok": true}));
     served.server = None;
     assert!(!served.path.exists());
+}
+
+impl Served {
+    fn tcp(&self) -> TcpStream {
+        let Some(ControlAddress::Tcp(address)) = self.server.as_ref().map(Server::address) else {
+            panic!("no TCP port");
+        };
+        assert!(address.ip().is_loopback() && address.port() > 0, "{address}");
+        let stream = TcpStream::connect(address).expect("a server");
+        stream.set_read_timeout(Some(Time::from_secs(20))).expect("a time");
+        stream
+    }
+}
+
+/// All that comes on a connection until it ends.
+fn until_the_end(mut stream: TcpStream, octets: &[u8]) -> String {
+    stream.write_all(octets).expect("it reads");
+    let mut told = String::new();
+    stream.read_to_string(&mut told).expect("it ends in order");
+    told
+}
+
+#[test]
+fn a_tcp_port_takes_the_same_requests() {
+    let mut served = serve_on_tcp(1);
+    let mut reader = BufReader::new(served.tcp());
+    for (request, due) in [
+        ("\r\n  {\"id\":1,\"do\":\"supply\",\"volts\":20}\n", json!({"id": 1, "ok": true})),
+        ("{\"id\":2,\"do\":\"subscribe\"}\n", json!({"id": 2, "ok": true})),
+    ] {
+        reader.get_mut().write_all(request.as_bytes()).expect("it reads");
+        let mut line = String::new();
+        reader.read_line(&mut line).expect("a line");
+        assert_eq!(serde_json::from_str::<Value>(&line).expect("JSON"), due);
+    }
+    // Once it has spoken as a client does, bad lines end nothing.
+    for (request, told) in
+        [("GET / HTTP/1.1\n", "no JSON object"), ("{\"do\":\"light\",\"state\":\"ok\"}\n", "true")]
+    {
+        reader.get_mut().write_all(request.as_bytes()).expect("it reads");
+        let mut line = String::new();
+        reader.read_line(&mut line).expect("a line");
+        assert!(line.contains(told), "{line}");
+    }
+    assert_eq!(served.bench.snapshot()["encoders"][0]["volts"], 20.0);
+    served.server = None;
+    assert_eq!(reader.read_line(&mut String::new()).expect("an end"), 0);
+}
+
+#[test]
+fn no_page_in_a_browser_steers_a_tcp_port() {
+    let served = serve_on_tcp(1);
+    let body = "{\"do\":\"supply\",\"volts\":8}\n";
+    let post = format!(
+        "POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nOrigin: http://example.com\r\nContent-Type: text/plain\r\n\
+         Content-Length: {}\r\n\r\n{body}",
+        body.len()
+    );
+    // A page chooses the path as well, but not what is in front of it.
+    let get = format!("GET /%0A{body} HTTP/1.1\r\n\r\n");
+    for request in [&post, &get, &format!("\r\n\r\n{post}")] {
+        let told = until_the_end(served.tcp(), request.as_bytes());
+        assert!(told.contains("this is HTTP") && told.contains("nothing of it was done"), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+    // TLS, with a request in what a page chooses of it, and no end of a line before.
+    let hello = [&b"\x16\x03\x01\x02\x00\x01"[..], b"\n", body.as_bytes()].concat();
+    for request in [&hello[..], b"\x16\x03\x01", b"[1]\n", b"x"] {
+        let told = until_the_end(served.tcp(), request);
+        assert!(told.contains("the first line here is a JSON object"), "{told}");
+    }
+    assert_eq!(served.bench.snapshot()["encoders"][0]["volts"], 24.0);
+}
+
+#[test]
+fn a_tcp_port_that_is_taken_is_told() {
+    let served = serve_on_tcp(1);
+    let address = served.server.as_ref().expect("a server").address();
+    let second = Server::start(address, served.bench.handle.clone(), Subscriptions::new(), || ());
+    let error = second.expect_err("one is there").to_string();
+    assert!(error.contains("another program listens there"), "{error}");
 }
 
 #[test]

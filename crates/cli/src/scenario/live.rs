@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Sender};
 use std::time::{Duration as Time, Instant as Moment};
 
 use bus::{Link, PortAddress, Settings, open_for_slaves};
-use plant::control::{Request, Subscriptions, Which};
+use plant::control::{ControlAddress, Request, Subscriptions, Which};
 use plant::scenario::{Act, EncoderPlan, Event, Scenario, SegmentPlan};
 use plant::{EncoderSetup, Handle, Plant, Rate, Report, SegmentSetup};
 use profibus_dp::fdl::BaudSetting;
@@ -13,13 +13,14 @@ use profibus_dp::fdl::BaudSetting;
 use super::{Loaded, load};
 use crate::Failure;
 use crate::output;
+use crate::recording::Capture;
 use crate::run::{
-    end_on_signals, failed, forward_reports, note_on_address, note_on_state, serve_control, shared_addresses,
-    tell_until_end,
+    Wake, end_on_signals, failed, forward_reports, note_on_address, note_on_state, serve_control,
+    shared_addresses, tell_address, tell_until_end,
 };
 
 /// Runs until it is told to end.
-pub(crate) fn run(file: &Path, control: Option<&Path>) -> Result<(), Failure> {
+pub(crate) fn run(file: &Path, control: Option<&ControlAddress>, capture: &Capture) -> Result<(), Failure> {
     let Loaded { plan, .. } = load(file)?;
     let (to_main, wakes) = mpsc::channel();
     let subscriptions = Subscriptions::new();
@@ -38,19 +39,26 @@ pub(crate) fn run(file: &Path, control: Option<&Path>) -> Result<(), Failure> {
         output::line(&note);
     }
     let handle = plant.handle();
+    let buses: Vec<_> =
+        plan.segments.iter().map(|segment| segment.name.as_str()).zip(plant.ports()).collect();
+    let captures = capture.start(&handle, &buses, false)?;
     for encoder in plan.encoders().filter(|encoder| !encoder.joined) {
         let encoder = Some(Which::Name(encoder.name.clone()));
         handle.apply(&Request::Leave { encoder }).map_err(failed)?;
     }
     plant.start_shafts().map_err(failed)?;
-    let control = serve_control(control, &plant, subscriptions, &to_main)?;
+    let end = to_main.clone();
+    let control = serve_control(control, handle.clone(), subscriptions, move || {
+        let _ = end.send(Wake::End);
+    })?;
+    tell_address(control.as_ref());
     output::line("ready");
     drop(to_main);
     std::thread::spawn(move || play(&plan.events, &handle));
     tell_until_end(&wakes);
     drop(control);
     drop(links);
-    plant.stop().map_err(failed)
+    plant.stop().map_err(failed).and(captures.end())
 }
 
 /// Opens a segment's port and puts its encoders there.

@@ -8,15 +8,18 @@ use std::time::{Duration as Time, Instant as Moment};
 
 use clap::Args;
 use plant::Report;
-use plant::scenario::{Outcome, Progress, Verdict, run};
+use plant::control::{ControlAddress, Subscriptions};
+use plant::scenario::{Bench, Outcome, Progress, Verdict, play};
 use profibus_dp::time::{Duration, Instant};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
 use super::{Loaded, load};
 use crate::Failure;
+use crate::arguments::control_address;
 use crate::output;
-use crate::run::failed;
+use crate::recording::Capture;
+use crate::run::{failed, serve_control};
 
 #[derive(Debug, Args)]
 pub(crate) struct Play {
@@ -34,6 +37,11 @@ pub(crate) struct Play {
     /// Print the result in JSON
     #[arg(long)]
     json: bool,
+    /// Take requests here while it is played, as `run --control` does. Not with --virtual: nobody is as fast
+    #[arg(long, value_parser = control_address(), value_name = "PATH|tcp:127.0.0.1:PORT")]
+    control: Option<ControlAddress>,
+    #[command(flatten)]
+    capture: Capture,
 }
 
 fn speed(text: &str) -> Result<f64, String> {
@@ -44,14 +52,35 @@ fn speed(text: &str) -> Result<f64, String> {
 impl Play {
     pub(crate) fn run(&self) -> Result<(), Failure> {
         let Loaded { plan, source } = load(&self.file)?;
+        if self.unpaced && self.control.is_some() {
+            let text = "--control is for a scenario that takes time, and --virtual takes none: leave one of them out, or \
+                        write --speed 10";
+            return Err(Failure::Usage(text.to_owned()));
+        }
+        let (ended, subscriptions) = (end_on_signals()?, Subscriptions::new());
+        let bench = Bench::new(&plan).map_err(failed)?;
+        let segments: Vec<_> = plan.segments.iter().map(|segment| (&*segment.name, &*segment.name)).collect();
+        let captures = self.capture.start(bench.handle(), &segments, true)?;
+        let end = Arc::clone(&ended);
+        let control =
+            serve_control(self.control.as_ref(), bench.handle().clone(), subscriptions.clone(), move || {
+                end.store(true, Ordering::Relaxed);
+            })?;
+        if let Some(control) = &control {
+            // Standard output is for the result.
+            output::aside(&format!("control: {}", control.address()));
+        }
         let mut watch = Watch {
             events: self.events,
             verdicts: !self.json,
             speed: (!self.unpaced).then_some(self.speed),
             begun: Moment::now(),
-            ended: end_on_signals()?,
+            ended,
+            subscriptions,
         };
-        let outcome = run(&plan, &source, &mut watch).map_err(failed)?;
+        let outcome = play(bench, &plan, &source, &mut watch).map_err(failed)?;
+        drop(control);
+        captures.end()?;
         if self.json {
             output::json(&outcome);
         } else {
@@ -83,6 +112,7 @@ struct Watch {
     speed: Option<f64>,
     begun: Moment,
     ended: Arc<AtomicBool>,
+    subscriptions: Subscriptions,
 }
 
 impl Progress for Watch {
@@ -104,6 +134,7 @@ impl Progress for Watch {
     }
 
     fn report(&mut self, report: &Report) {
+        self.subscriptions.publish(report);
         if self.events {
             #[expect(clippy::cast_precision_loss, reason = "for reading only")]
             let seconds = report.at.as_nanos() as f64 / 1e9;

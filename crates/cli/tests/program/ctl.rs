@@ -2,6 +2,7 @@
 
 use std::fs;
 use std::io::{BufRead, BufReader, Write};
+use std::net::TcpStream;
 use std::os::unix::net::{UnixListener, UnixStream};
 use std::path::Path;
 use std::process::Stdio;
@@ -32,7 +33,7 @@ impl Controlled {
     }
 
     fn ctl(&self, arguments: &[&str]) -> Ended {
-        ctl(&self.path(), arguments)
+        ctl(self.path(), arguments)
     }
 
     /// What `ctl` prints, when it goes well.
@@ -50,8 +51,8 @@ impl Controlled {
     }
 }
 
-fn ctl(path: &Path, arguments: &[&str]) -> Ended {
-    end_of(program().arg("ctl").arg(path).args(arguments))
+fn ctl(path: impl AsRef<std::ffi::OsStr>, arguments: &[&str]) -> Ended {
+    end_of(program().arg("ctl").arg(path.as_ref()).args(arguments))
 }
 
 // Octet 8 bit 1 of the diagnosis (manual 4.2.2).
@@ -159,6 +160,29 @@ fn what_is_no_request_is_2_and_what_is_refused_is_1() {
         (&["lose-replies", "0"], 2, "from 1 to 1000"),
         (&["lose-replies", "--encoder", "1"], 2, "leave it out"),
         (&["damage-reply", "1", "G0"], 2, "two hexadecimal digits"),
+        (&["brown-out", "8"], 2, "<SECONDS>"),
+        (&["brown-out", "8", "0"], 2, "for_s is a number from 0.001"),
+        (&["supply-profile", "0:24", "24"], 2, "\"24\" is no SECONDS:VOLTS; write for example 0:24 2:24"),
+        (&["supply-profile", "1:24", "0:24"], 2, "no point is earlier"),
+        (&["supply-profile"], 2, "required"),
+        (&["thermal", "400"], 2, "ambient is a number from -300 to 300"),
+        (&["thermal", "40", "--watts", "-1"], 2, "watts is a number from 0 to 1000"),
+        (&["led-ageing", "-1"], 2, "hours is a number from 0"),
+        (&["discharge", "0"], 2, "hours_without_power is a number"),
+        (&["discharge", "1", "--charge", "101"], 2, "charge is a number from 0 to 100"),
+        (&["endurance", "many"], 2, "write one like 100000, or any"),
+        (&["units", "per_turn"], 2, "is no NAME=VALUE"),
+        (&["units", "per_turn=0"], 2, "per_turn is a number, and not 0"),
+        (&["units", "per_turn=1", "per_turn=2"], 2, "not twice"),
+        (&["units", "per_turn=1", "lines=2"], 2, "missing field"),
+        (&["units", "per_turn=x"], 2, "the value is no number"),
+        (&["units", "colour=1"], 2, "unknown field `colour`"),
+        (&["termination", "maybe"], 2, "on, off, one"),
+        (&["cut", "128"], 2, "from 0 to 127"),
+        (&["cut", "1", "--encoder", "1"], 2, "cut is not about an encoder; leave it out"),
+        (&["supply", "24", "--segment", "bus"], 2, "supply is not about a segment; leave it out"),
+        (&["shutdown", "--segment", "bus"], 2, "leave it out"),
+        (&["mend", "--segment", "rig"], 1, "there is no segment \"rig\""),
         (&["raw", "hello"], 2, "write one on each line"),
         (&["raw", r#"{"do":"supply"}"#], 2, "write for example"),
         (&["raw", r#"{"do":"help"}"#, "--encoder", "1"], 2, "in the request"),
@@ -172,9 +196,96 @@ fn what_is_no_request_is_2_and_what_is_refused_is_1() {
         assert!(ended.errors.contains(told), "{arguments:?}: {}", ended.errors);
         assert_eq!(ended.output, "", "{arguments:?}");
     }
-    let nobody = ctl(&controlled.directory.path().join("nobody"), &["snapshot"]);
+    let nobody = ctl(controlled.directory.path().join("nobody"), &["snapshot"]);
     assert_eq!(nobody.status, Some(1));
     assert!(nobody.errors.contains("start `sch108bex run --control"), "{}", nobody.errors);
+    controlled.program.end();
+}
+
+#[test]
+fn a_tcp_port_of_this_computer_takes_what_a_socket_takes() {
+    let mut running = run(["--switches", "05", "--control", "tcp:127.0.0.1:0"]);
+    let address = running.wait_for(&["control: tcp:127.0.0.1:"])["control: ".len()..].to_owned();
+    let mut master = running.master(5);
+    assert_eq!(ctl(&address, &["supply", "8.5"]).status, Some(0));
+    assert_eq!(master.diagnosis().octet(8), 0x02);
+    let mut stream = TcpStream::connect(&address["tcp:".len()..]).expect("a server");
+    let page = b"POST / HTTP/1.1\r\n\r\n{\"do\":\"supply\",\"volts\":24}\n";
+    stream.write_all(page).expect("it reads");
+    let mut told = String::new();
+    std::io::Read::read_to_string(&mut stream, &mut told).expect("it ends");
+    assert!(told.contains("here is no web server"), "{told}");
+    assert_eq!(master.diagnosis().octet(8), 0x02);
+    let taken = end_of(program().args(["run", "--control", &address]));
+    assert_eq!(taken.status, Some(1));
+    assert!(taken.errors.contains("another program listens there"), "{}", taken.errors);
+    assert_eq!(ctl(&address, &["shutdown"]).status, Some(0));
+    assert_eq!(running.ended().status, Some(0));
+    let nobody = ctl(&address, &["snapshot"]);
+    assert_eq!(nobody.status, Some(1));
+    assert!(nobody.errors.contains("start `sch108bex run --control tcp:127.0.0.1:0`"), "{}", nobody.errors);
+    let elsewhere = ctl("tcp:192.0.2.1:4000", &["snapshot"]);
+    assert_eq!(elsewhere.status, Some(2));
+    assert!(elsewhere.errors.contains("through a tunnel"), "{}", elsewhere.errors);
+}
+
+/// What each command by name does, as the snapshot has it.
+#[test]
+fn commands_by_name_do_what_they_say() {
+    let controlled = controlled(&["--switches", "05", "--encoder", "switches=06"]);
+    let encoder = |number: usize, arguments: &[&str]| {
+        controlled.done(&[arguments, &["--encoder", &number.to_string()]].concat());
+        controlled.snapshot()["encoders"][number - 1].clone()
+    };
+    assert_eq!(encoder(1, &["supply-profile", "0:23", "0:22.5"])["volts"], 22.5);
+    assert_eq!(encoder(1, &["brown-out", "8", "1000"])["volts"], 8.0);
+    assert_eq!(encoder(1, &["supply", "24"])["volts"], 24.0);
+    assert_eq!(encoder(1, &["led-ageing", "0"])["light"], "low");
+    assert_eq!(encoder(1, &["discharge", "1", "--charge", "0"])["battery"], "empty");
+    assert_eq!(encoder(1, &["discharge", "1", "--charge", "19"])["battery"], "low");
+    assert_eq!(encoder(1, &["discharge", "1", "--charge", "19", "--low", "18"])["battery"], "ok");
+    assert_eq!(encoder(1, &["endurance", "7"])["injected"]["endurance"], 7);
+    assert_eq!(encoder(1, &["endurance", "any"])["injected"]["endurance"], Value::Null);
+    assert_eq!(encoder(1, &["memory", "torn_write"])["injected"]["torn_write"], true);
+    assert_eq!(encoder(1, &["memory", "off"])["injected"]["torn_write"], false);
+    encoder(1, &["shaft", "still@98304"]);
+    // One and a half turns, half a metre each; and from the middle of the first turn on.
+    assert_eq!(encoder(1, &["units", "unit=m", "per_turn=0.5"])["machine"]["position"], 0.75);
+    assert_eq!(encoder(1, &["units", "per_turn=0.5", "zero=32768"])["machine"]["position"], 0.5);
+    let drum = ["units", "drum_diameter=0.76", "rope_diameter=0.035", "turns_per_layer=37"];
+    assert_eq!(encoder(1, &drum)["machine"]["rope_layer"], 1);
+    assert_eq!(encoder(1, &["units", "off"])["machine"], Value::Null);
+    // Two encoders behind the master: the last one terminates the bus (manual 3.3).
+    let segment = || controlled.snapshot()["segments"][0].clone();
+    assert_eq!(segment()["termination"], serde_json::json!([]));
+    for state in ["off", "one"] {
+        encoder(2, &["termination", state]);
+        assert_eq!(segment()["termination"].as_array().map(Vec::len), Some(1), "{state}");
+    }
+    controlled.done(&["reflections", "on"]);
+    assert_eq!(segment()["cable"]["reflections"], true);
+    controlled.done(&["reflections", "off", "--segment", "1"]);
+    assert_eq!(segment()["cable"]["reflections"], false);
+    encoder(2, &["termination", "on"]);
+    assert_eq!(segment()["termination"], serde_json::json!([]));
+    let cut_off = || {
+        let encoders = controlled.snapshot()["encoders"].clone();
+        [0, 1].map(|at| encoders[at]["injected"]["cut_off"] == true)
+    };
+    controlled.done(&["cut", "2", "--segment", "bus"]);
+    assert_eq!(cut_off(), [false, true]);
+    // The master is last: the first encoder is on the far side.
+    controlled.done(&["cut", "1", "--master-after", "2"]);
+    assert_eq!(cut_off(), [true, false]);
+    controlled.done(&["mend"]);
+    assert_eq!(cut_off(), [false, false]);
+    // It runs after 120 degrees with a time constant of a tenth of a second.
+    encoder(1, &["thermal", "120", "--time-constant", "0.1"]);
+    let until = std::time::Instant::now() + Duration::from_secs(10);
+    while controlled.snapshot()["encoders"][0]["celsius"].as_f64() < Some(119.0) {
+        assert!(std::time::Instant::now() < until, "it does not get warm");
+        std::thread::sleep(Duration::from_millis(20));
+    }
     controlled.program.end();
 }
 
@@ -250,7 +361,10 @@ fn a_control_socket_that_cannot_be_had_is_told() {
     let path = path.to_str().expect("text");
     for (path, status, told) in [
         (path, 1, "end the program that listens there"),
-        ("", 2, "a value is required"),
+        ("", 2, "write the path of a socket, or tcp:127.0.0.1:PORT"),
+        ("tcp:", 2, "write an address and a port"),
+        ("tcp:0.0.0.0:4000", 2, "0.0.0.0 is no address that only this computer reaches"),
+        ("tcp:192.0.2.1:0", 2, "write tcp:127.0.0.1:0, and come from elsewhere through a tunnel"),
         ("/no/such/directory/control", 1, "directory that exists"),
     ] {
         let ended = end_of(program().args(["run", "--switches", "06", "--control", path]));
@@ -389,6 +503,13 @@ fn every_command_of_the_page_is_one() {
         assert_eq!(ended.status, Some(0), "{line}: {}", ended.errors);
         count += 1;
     }
-    assert!(count >= 7, "{block}");
-    controlled.program.end();
+    assert!(count >= 40, "{block}");
+    for command in plant::control::COMMANDS {
+        let by_name = format!("/tmp/control {} ", command.name.replace('_', "-"));
+        let is_shown = block.lines().any(|line| format!("{line} ").contains(&by_name));
+        // What a shell calls otherwise, or has no use for.
+        let is_other = ["help", "subscribe", "unsubscribe"].contains(&command.name);
+        assert!(is_shown || is_other, "the page does not show {} from a shell", command.name);
+    }
+    assert_eq!(controlled.program.ended().status, Some(0), "the last one ends it");
 }

@@ -139,8 +139,107 @@ fn run_puts_each_segment_on_its_port_and_lets_events_happen() {
     assert!(running.take_errors().contains("the built-in one, and events for it, are for `scenario run`"));
 }
 
+/// Telegrams of a service in a capture.
+fn in_capture(path: &std::path::Path, service: &str) -> Vec<Value> {
+    let ended = end_of(program().args(["decode", "--json", "--service", service]).arg(path));
+    ended.output.lines().map(|line| serde_json::from_str(line).expect("a document")).collect()
+}
+
 #[test]
-fn a_file_goes_with_no_other_option_of_run_but_control() {
+fn a_scenario_that_is_played_can_be_steered_and_captured() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = SCENARIO.replace("event = \"warning_raised\"", "event = \"alarm_raised\"");
+    let path = file(&folder, format!("duration = 60\n{text}"));
+    let capture = folder.path().join("bus.pcapng");
+    let mut command = program();
+    command.args(["scenario", "run", "--events", "--speed", "2", "--control", "tcp:127.0.0.1:0"]);
+    let mut running = Program::start(
+        command.arg("--capture").arg(&capture).arg(&path).stderr(std::process::Stdio::piped()),
+    );
+    running.wait_for(&["crane.hoist: warning: battery"]);
+    // Where it is, it says on standard error, which is read at the end: the port is found by its file.
+    let id = running.id();
+    let address = listening(id);
+    let ctl = |arguments: &[&str]| end_of(program().arg("ctl").arg(&address).args(arguments));
+    assert_eq!(ctl(&["supply", "8.5", "--encoder", "crane.hoist"]).status, Some(0));
+    running.wait_for(&["crane.hoist: alarm: supply voltage"]);
+    assert_eq!(ctl(&["shutdown"]).status, Some(0));
+    let ended = running.ended();
+    // It was ended before its time, which makes it none that holds.
+    assert_eq!(ended.status, Some(1), "{ended:?}");
+    assert!(ended.errors.contains(&format!("control: {address}")), "{}", ended.errors);
+    assert!(ended.errors.contains("it was ended before its time"), "{}", ended.errors);
+    assert!(in_capture(&capture, "Data_Exchange").len() > 10);
+}
+
+/// The TCP port that a process listens on, from the system.
+fn listening(id: u32) -> String {
+    let sockets: Vec<String> = std::fs::read_dir(format!("/proc/{id}/fd"))
+        .expect("a process")
+        .filter_map(|entry| std::fs::read_link(entry.ok()?.path()).ok()?.to_str().map(str::to_owned))
+        .filter_map(|link| Some(link.strip_prefix("socket:[")?.strip_suffix(']')?.to_owned()))
+        .collect();
+    let table = std::fs::read_to_string("/proc/net/tcp").expect("a table");
+    let port = table.lines().skip(1).find_map(|line| {
+        let fields: Vec<_> = line.split_whitespace().collect();
+        let ours = fields[3] == "0A" && sockets.iter().any(|inode| inode == fields[9]);
+        ours.then(|| u16::from_str_radix(fields[1].rsplit(':').next()?, 16).ok()).flatten()
+    });
+    format!("tcp:127.0.0.1:{}", port.expect("it listens"))
+}
+
+#[test]
+fn a_capture_of_virtual_time_has_a_file_for_each_segment_and_the_times_of_the_scenario() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let two = SCENARIO.replace("[[event]]", "[[segment]]\nname = \"rig\"\n[[segment.encoder]]\nname = \"drum\"\nswitches = \"07\"\n[segment.master]\nstart = \"0.5 s\"\n[[segment.master.poll]]\nencoder = \"drum\"\n[[event]]");
+    let path = file(&folder, two);
+    let capture = folder.path().join("bus.pcapng");
+    let arguments = ["run", "--virtual", "--capture", capture.to_str().expect("text")];
+    let ended = scenario(&arguments, &path);
+    assert_eq!(ended.status, Some(0), "{ended:?}");
+    assert!(!capture.exists());
+    for (name, first) in [("bus-crane.pcapng", 0), ("bus-rig.pcapng", 500_000_000)] {
+        let packets = in_capture(&folder.path().join(name), "Set_Prm");
+        let nanos = packets[0]["nanos"].as_u64().expect("a time");
+        // Within the first cycle of 10 ms of its master.
+        assert!((first..first + 10_000_000).contains(&nanos), "{name}: {nanos}");
+    }
+    let both = [&arguments[..], &["--control", "tcp:127.0.0.1:0"]].concat();
+    let ended = scenario(&both, &path);
+    assert_eq!(ended.status, Some(2), "{ended:?}");
+    assert!(ended.errors.contains("leave one of them out"), "{}", ended.errors);
+}
+
+#[test]
+fn run_file_captures_what_your_master_says() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let capture = folder.path().join("bus.pcapng");
+    let control = folder.path().join("control");
+    let mut command = program();
+    command
+        .arg("run")
+        .arg(file(&folder, SCENARIO))
+        .arg("--capture")
+        .arg(&capture)
+        .arg("--control")
+        .arg(&control);
+    let mut running = Program::start(&mut command);
+    running.wait_for(&["ready"]);
+    running.wait_for(&["control: ", control.to_str().expect("text")]);
+    let port = running.wait_for(&["crane: /dev/pts/"]);
+    let mut master = Master::new(Terminal::open(std::path::Path::new(&port["crane: ".len()..]), 500_000), 5);
+    assert_eq!(master.diagnosis().octet(8), 0);
+    let ended =
+        end_of(program().arg("ctl").arg(&control).args(["supply", "8.5", "--encoder", "crane.hoist"]));
+    assert_eq!(ended.status, Some(0), "{ended:?}");
+    assert_eq!(master.diagnosis().octet(8), 2);
+    assert_eq!(running.end_with(Signal::INT).code(), Some(0));
+    let diagnoses = in_capture(&capture, "Slave_Diag");
+    assert!(diagnoses.len() >= 4, "{diagnoses:?}");
+}
+
+#[test]
+fn a_file_goes_with_no_other_option_of_run_but_control_and_capture() {
     let folder = tempfile::tempdir().expect("a folder");
     let ended = end_of(program().arg("run").arg(file(&folder, SCENARIO)).args(["--switches", "05"]));
     assert_eq!(ended.status, Some(2), "{ended:?}");

@@ -4,7 +4,7 @@
 //!   [`Handle::apply`](crate::Handle::apply) does it.
 //! - [`Reply`] is what came of it.
 //! - [`Subscriptions`] carry what happens to whoever wants to know; [`EventLine`] is a line of it.
-//! - [`Server`] takes requests on a Unix socket.
+//! - [`Server`] takes requests on a Unix socket, or on a TCP port of this computer.
 
 mod apply;
 mod check;
@@ -26,7 +26,7 @@ pub use commands::{COMMANDS, CommandHelp};
 pub use envelope::{Envelope, RefusedLine, Reply};
 pub use event::{EVENT_KINDS, EventLine};
 pub use request::Request;
-pub use server::{MOST_CONNECTIONS, MOST_OCTETS, Server};
+pub use server::{ControlAddress, ControlAddressError, MOST_CONNECTIONS, MOST_OCTETS, Server};
 pub(crate) use shafts::Couplings;
 pub use subscriptions::{Item, Subscription, Subscriptions};
 pub(crate) use surroundings::judge;

@@ -1,4 +1,4 @@
-//! The control socket: requests as lines of JSON on a Unix socket, a reply for each.
+//! The control socket: requests as lines of JSON on a Unix socket or a TCP port of this computer, a reply for each.
 //!
 //! Everything is bounded, so that no client disturbs the bus:
 //!
@@ -9,8 +9,11 @@
 //! | send requests as fast as it can | all clients together get two requests done in a millisecond, after the first 64 |
 //! | never read | its own thread waits for it; events are dropped and counted |
 //! | never write | its own thread waits for it |
+//! | be a browser, sent by some page to a TCP port | what does not begin with a JSON object is answered once and closed, and nothing after it is read |
 
+mod address;
 mod connection;
+mod stream;
 mod turns;
 
 use std::collections::HashMap;
@@ -18,12 +21,11 @@ use std::fmt;
 use std::io::Write;
 use std::net::Shutdown;
 use std::os::unix::net::UnixStream;
-use std::path::Path;
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-use bus::{EndError, UnixSocket};
+use bus::EndError;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{SocketFlags, accept_with};
@@ -31,6 +33,8 @@ use rustix::net::{SocketFlags, accept_with};
 use crate::control::envelope::Reply;
 use crate::control::subscriptions::Subscriptions;
 use crate::handle::Handle;
+pub use address::{ControlAddress, ControlAddressError};
+use stream::{Listener, Stream};
 use turns::Turns;
 
 /// A longer line is no request.
@@ -39,9 +43,10 @@ pub const MOST_OCTETS: usize = 65_536;
 /// More clients at once are not served.
 pub const MOST_CONNECTIONS: usize = 16;
 
-/// Takes requests on a Unix socket until it is dropped.
+/// Takes requests until it is dropped.
 #[derive(Debug)]
 pub struct Server {
+    address: ControlAddress,
     shared: Arc<Shared>,
     /// Closing it ends the thread that lets clients in.
     door: Option<UnixStream>,
@@ -62,26 +67,25 @@ struct Shared {
 #[derive(Debug, Default)]
 struct Connections {
     next: u64,
-    open: HashMap<u64, UnixStream>,
+    open: HashMap<u64, Stream>,
 }
 
 impl Server {
-    /// Listens at `path`, for the user who runs this program alone; a file that nobody listens on is
-    /// replaced, and the file is removed at the end. `on_shutdown` is called when a client asks
-    /// for the end of the program; it must not wait for this server.
+    /// Listens at a path, for the user who runs this program alone, or at a TCP port, for everybody on this
+    /// computer. A file that nobody listens on is replaced, and the file is removed at the end. `on_shutdown`
+    /// is called when a client asks for the end of the program; it must not wait for this server.
     ///
     /// # Errors
     ///
-    /// Somebody listens there, another kind of file is there, or the directory does not allow it.
+    /// Somebody listens there, another kind of file is there, or the directory or the port is not allowed.
     pub fn start(
-        path: &Path,
+        address: &ControlAddress,
         handle: Handle,
         subscriptions: Subscriptions,
         on_shutdown: impl Fn() + Send + Sync + 'static,
     ) -> Result<Self, EndError> {
-        let broken =
-            |source| EndError::Broken { name: format!("unix:{}", path.display()), step: "serve", source };
-        let socket = UnixSocket::listen_privately(path)?;
+        let broken = |source| EndError::Broken { name: address.to_string(), step: "serve", source };
+        let (listener, address) = Listener::open(address)?;
         let (door, closed) = UnixStream::pair().map_err(broken)?;
         let shared = Arc::new(Shared {
             handle,
@@ -94,9 +98,14 @@ impl Server {
         let inside = Arc::clone(&shared);
         let thread = std::thread::Builder::new()
             .name("control".to_owned())
-            .spawn(move || let_in(&inside, &socket, &closed))
+            .spawn(move || let_in(&inside, &listener, &closed))
             .map_err(broken)?;
-        Ok(Self { shared, door: Some(door), thread: Some(thread) })
+        Ok(Self { address, shared, door: Some(door), thread: Some(thread) })
+    }
+
+    /// Where it listens, with a port 0 resolved.
+    pub fn address(&self) -> &ControlAddress {
+        &self.address
     }
 }
 
@@ -112,13 +121,13 @@ impl Drop for Server {
 }
 
 /// Lets clients in until the far side of `closed` is.
-fn let_in(shared: &Arc<Shared>, socket: &UnixSocket, closed: &UnixStream) {
+fn let_in(shared: &Arc<Shared>, listener: &Listener, closed: &UnixStream) {
     /// So long nobody is let in where the system has no room for him.
     const PAUSE: Timespec = Timespec { tv_sec: 0, tv_nsec: 100_000_000 };
     let mut full = false;
     loop {
         let door = PollFd::new(closed, PollFlags::IN);
-        let knocks = PollFd::new(socket, if full { PollFlags::empty() } else { PollFlags::IN });
+        let knocks = PollFd::new(listener, if full { PollFlags::empty() } else { PollFlags::IN });
         let mut watch = [door, knocks];
         match poll(&mut watch, full.then_some(&PAUSE)) {
             Ok(_) | Err(Errno::INTR) => {}
@@ -131,8 +140,8 @@ fn let_in(shared: &Arc<Shared>, socket: &UnixSocket, closed: &UnixStream) {
         if watch[1].revents().is_empty() {
             continue;
         }
-        match accept_with(socket, SocketFlags::CLOEXEC) {
-            Ok(client) => shared.welcome(client.into()),
+        match accept_with(listener, SocketFlags::CLOEXEC) {
+            Ok(client) => shared.welcome(listener.client(client)),
             Err(Errno::MFILE | Errno::NFILE | Errno::NOBUFS | Errno::NOMEM) => full = true,
             Err(Errno::BADF | Errno::INVAL | Errno::NOTSOCK) => return,
             // Has gone again.
@@ -147,10 +156,10 @@ impl Shared {
         self.connections.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    fn welcome(self: &Arc<Self>, client: UnixStream) {
+    fn welcome(self: &Arc<Self>, mut client: Stream) {
         let mut connections = self.connections();
         if connections.open.len() >= MOST_CONNECTIONS {
-            send_away(&client);
+            send_away(&mut client);
             return;
         }
         let Ok(own) = client.try_clone() else {
@@ -194,7 +203,7 @@ impl fmt::Debug for Shared {
 }
 
 /// There is room in a new connection for a line: this does not wait.
-fn send_away(mut client: &UnixStream) {
+fn send_away(client: &mut Stream) {
     let error =
         format!("{MOST_CONNECTIONS} clients are connected already; close one of them and connect again");
     if let Ok(mut line) = serde_json::to_vec(&Reply::refused(None, error)) {

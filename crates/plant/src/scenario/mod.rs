@@ -36,7 +36,7 @@ pub use fault::{Fault, Faults, position};
 pub use keys::schema;
 pub use outcome::{EncoderOutcome, Outcome, SegmentOutcome, Verdict};
 pub use quantity::{Travel, Unit, show_time};
-pub use run::{Progress, RunError, run};
+pub use run::{Progress, RunError, play, run};
 
 use crate::plant::MasterTap;
 use crate::shaft::Shaft;

@@ -78,7 +78,20 @@ fn agenda(scenario: &Scenario) -> Vec<(Instant, Due)> {
 ///
 /// A state file that cannot be used.
 pub fn run(scenario: &Scenario, source: &str, progress: &mut dyn Progress) -> Result<Outcome, RunError> {
-    let mut bench = Bench::new(scenario)?;
+    play(Bench::new(scenario)?, scenario, source, progress)
+}
+
+/// The same on a bench that somebody has a hand on, so that it is steered and listened to from outside as well.
+///
+/// # Errors
+///
+/// A segment that broke.
+pub fn play(
+    mut bench: Bench,
+    scenario: &Scenario,
+    source: &str,
+    progress: &mut dyn Progress,
+) -> Result<Outcome, RunError> {
     let mut judge = Judge::new(scenario, source);
     let mut troubles = Vec::new();
     let mut ended = ControlFlow::Continue(());

@@ -1,7 +1,6 @@
 //! One client of the control socket.
 
 use std::io::{self, BufRead, BufReader, Write};
-use std::os::unix::net::UnixStream;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use serde::Serialize;
@@ -9,11 +8,12 @@ use serde::Serialize;
 use crate::control::envelope::{Envelope, Reply};
 use crate::control::event::EventLine;
 use crate::control::request::Request;
+use crate::control::server::stream::Stream;
 use crate::control::server::{MOST_OCTETS, Shared};
 use crate::control::subscriptions::{Item, Subscription};
 
 /// What replies and events take turns at.
-type Writer = Arc<Mutex<UnixStream>>;
+type Writer = Arc<Mutex<Stream>>;
 
 /// What a client has sent.
 enum Line {
@@ -23,7 +23,7 @@ enum Line {
 }
 
 /// Serves a client until it goes.
-pub(super) fn serve(shared: &Shared, client: UnixStream) {
+pub(super) fn serve(shared: &Shared, client: Stream) {
     let Ok(writer) = client.try_clone() else {
         return;
     };
@@ -31,6 +31,14 @@ pub(super) fn serve(shared: &Shared, client: UnixStream) {
     let mut reader = BufReader::new(client);
     let mut line = Vec::new();
     let mut subscription = None;
+    if reader.get_ref().is_open_to_browsers()
+        && let Some(refusal) = stranger(&mut reader)
+    {
+        if tell(&writer, &Reply::refused(None, refusal.to_owned())).is_ok() {
+            reader.get_mut().hang_up();
+        }
+        return;
+    }
     loop {
         let told = match read_line(&mut reader, &mut line, shared) {
             Ok(Line::Whole) if line.trim_ascii().is_empty() => Ok(()),
@@ -50,6 +58,29 @@ pub(super) fn serve(shared: &Shared, client: UnixStream) {
         subscription.close();
     }
 }
+
+/// What somebody is told whose first octets are no request. No browser begins with a JSON object, whatever page
+/// made it send something: its first octets are its own, an HTTP method or those of TLS.
+fn stranger(reader: &mut impl BufRead) -> Option<&'static str> {
+    loop {
+        let octets = reader.fill_buf().ok()?;
+        let blank = octets.iter().take_while(|octet| octet.is_ascii_whitespace()).count();
+        if octets.is_empty() || octets.get(blank) == Some(&b'{') {
+            return None;
+        }
+        if blank < octets.len() {
+            let looks_like_http = octets.windows(6).any(|part| part == b" HTTP/");
+            return Some(if looks_like_http { NO_WEB_SERVER } else { NO_REQUEST });
+        }
+        reader.consume(blank);
+    }
+}
+
+const NO_WEB_SERVER: &str = "this is HTTP, and here is no web server: this port takes requests as lines of JSON, such as \
+                             {\"do\":\"help\"}; the connection is closed, and nothing of it was done";
+
+const NO_REQUEST: &str = "the first line here is a JSON object, such as {\"do\":\"help\"}; the connection is closed, \
+                          and nothing of it was done";
 
 /// Reads up to the end of a line, or to the end of everything.
 fn read_line(reader: &mut impl BufRead, line: &mut Vec<u8>, shared: &Shared) -> io::Result<Line> {

@@ -22,7 +22,7 @@ const fn figure(name: &'static str, unit: &'static str, limit: Option<f64>, sour
     Figure { name, unit, limit, source }
 }
 
-const FIGURES: [Figure; 15] = [
+const FIGURES: [Figure; 19] = [
     figure("data_exchange_4_in_instructions", "instructions", Some(320.0), Source::Callgrind("exchange-4")),
     figure("data_exchange_12_in_instructions", "instructions", Some(340.0), Source::Callgrind("exchange-12")),
     figure("sample_instructions", "instructions", None, Source::Callgrind("sample")),
@@ -42,6 +42,10 @@ const FIGURES: [Figure; 15] = [
     figure("demo_cycle_over_profirust", "ratio", Some(1.5), Source::Timed("demo-cycle-ratio")),
     figure("start_to_ready_ms", "ms", Some(20.0), Source::Program("start")),
     figure("help_ms", "ms", Some(10.0), Source::Program("help")),
+    figure("fw_stack_text_octets", "octets", Some(6144.0), Source::Image),
+    figure("fw_flash_kib", "KiB", Some(24.0), Source::Image),
+    figure("fw_static_ram_kib", "KiB", Some(4.0), Source::Image),
+    figure("fw_worst_stack_octets", "octets", Some(1024.0), Source::Image),
     figure("device_ram_octets", "octets", Some(1536.0), Source::Host("ram")),
 ];
 

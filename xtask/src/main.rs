@@ -2,6 +2,8 @@
 
 mod bench;
 mod debian;
+mod firmware;
+mod image;
 mod measure;
 mod no_panic;
 mod process;
@@ -27,6 +29,7 @@ Usage: cargo xtask TASK
   test [STEP]                everything, as continuous integration runs it; or one step of it
   bench [--only NAME] [--gate]
                              the figures, also in target/bench.json; --gate: exit 1 over a limit
+  firmware                   the images of all boards: builds them, prints sizes, proves what must hold
   soak [--hours H] [--seed N]
                              hours of bus time within minutes, all that must hold looked at; docs/soak.md
   traceability               every requirement has tests, and they exist
@@ -63,6 +66,7 @@ fn task(words: &[&str]) -> Option<Task> {
         ["traceability"] => {
             Box::new(|project| traceability::check(&project.root).map(|found| println!("{found}")))
         }
+        ["firmware"] => Box::new(firmware::make),
         ["recording"] => Box::new(recording::record),
         ["bench", options @ ..] => {
             let options = bench::Options::parse(options)?;

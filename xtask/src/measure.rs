@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::process::Command;
 use std::time::Duration;
 
+use crate::firmware;
 use crate::process::{Show, run};
 use crate::project::Project;
 use crate::setup::Tools;
@@ -29,6 +30,8 @@ pub(crate) enum Source {
     Program(&'static str),
     /// Printed by the image for the Cortex-M4.
     M4,
+    /// What stands in the firmware's image.
+    Image,
 }
 
 /// Measures figures, each given by its name, its source and its limit; in place of a value the
@@ -45,7 +48,7 @@ pub(crate) fn measure(
     figures: &[(&str, Source, Option<f64>)],
 ) -> Result<Vec<Result<f64, String>>, String> {
     let program = OnceCell::new();
-    if figures.iter().any(|(_, source, _)| !matches!(source, Source::M4)) {
+    if figures.iter().any(|(_, source, _)| !matches!(source, Source::M4 | Source::Image)) {
         build(project, "sch108bex-bench")?;
     }
     let attempts = if project.ci { 7 } else { 1 };
@@ -58,6 +61,7 @@ pub(crate) fn measure(
             let built = program.get_or_init(|| build(project, "cli"));
             built.clone().and_then(|()| best(attempts, limit, || host(project, work)))
         }
+        Source::Image => firmware::figure(project, tools, name),
         Source::M4 => {
             let output = m4.get_or_init(|| m4_output(project, tools));
             output.as_ref().map_err(Clone::clone).and_then(|output| named(output, name))

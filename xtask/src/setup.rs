@@ -7,6 +7,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::debian;
+use crate::image::{OBJDUMP, OBJDUMP_PACKAGE};
 use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::thumb::{self, Thumb};
@@ -25,6 +26,8 @@ pub(crate) struct Tools {
     pub(crate) thumb: Option<Thumb>,
     /// The emulator of Cortex-M boards.
     pub(crate) qemu: bool,
+    /// A disassembler for ARM, by which images are judged.
+    pub(crate) objdump: bool,
     /// Wireshark without its windows, which the tests of our dissector run.
     pub(crate) tshark: bool,
 }
@@ -37,6 +40,7 @@ impl Tools {
             python: Some(python(project)).filter(|python| python_works(project, python)),
             thumb: Thumb::find(project),
             qemu: has_program("qemu-system-arm"),
+            objdump: has_program(OBJDUMP),
             tshark: has_program("tshark"),
         }
     }
@@ -48,6 +52,7 @@ impl Tools {
             (self.python.is_some(), "a virtual environment of Python with pyprofibus"),
             (self.thumb.is_some(), "Rust's core library for thumbv7em-none-eabihf"),
             (self.qemu, "qemu-system-arm"),
+            (self.objdump, OBJDUMP),
             (self.tshark, "tshark"),
         ]
         .into_iter()
@@ -89,6 +94,9 @@ pub(crate) fn setup(project: &Project, yes: bool) -> Result<Tools, String> {
     }
     if !tools.qemu {
         troubles.extend(debian::install(project, "qemu-system-arm").err());
+    }
+    if !tools.objdump {
+        troubles.extend(debian::install(project, OBJDUMP_PACKAGE).err());
     }
     if !tools.tshark {
         troubles.extend(debian::install(project, "tshark").err());

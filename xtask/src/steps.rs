@@ -8,7 +8,7 @@ use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::setup::{self, Tools};
 use crate::tally::Tally;
-use crate::{bench, measure, no_panic, traceability};
+use crate::{bench, firmware, measure, no_panic, traceability};
 
 /// One thing that a run does.
 struct Step {
@@ -32,11 +32,13 @@ const DAILY: [Step; 4] = [
     Step { name: "traceability", work: traced },
 ];
 
-const REST: [Step; 5] = [
+const REST: [Step; 7] = [
     Step { name: "doc", work: doc },
     Step { name: "doc tests", work: doc_tests },
     Step { name: "no-panic", work: no_panic::prove },
     Step { name: "m4 image", work: m4_image },
+    Step { name: "firmware", work: firmware::step },
+    Step { name: "firmware logic", work: firmware::logic_tests },
     Step { name: "figures", work: bench::gate },
 ];
 
@@ -112,7 +114,7 @@ pub(crate) fn one_check(name: &str, commands: impl IntoIterator<Item = Command>)
 }
 
 fn fmt(run: &Run<'_>) -> Result<Tally, String> {
-    let apart = ["benches/m4", "benches/no-panic", "fuzz"]
+    let apart = ["benches/m4", "benches/no-panic", "firmware", "fuzz"]
         .map(|package| format!("--manifest-path={package}/Cargo.toml"));
     let all = ["--all".to_string()].into_iter().chain(apart);
     one_check("fmt", all.map(|which| run.project.cargo(["fmt", which.as_str(), "--check"])))
@@ -130,6 +132,10 @@ fn clippy(run: &Run<'_>) -> Result<Tally, String> {
             apart.arg("--quiet").args(DENY);
             commands.push(apart);
         }
+        commands.extend(firmware::clippy(run.project, thumb).into_iter().map(|mut apart| {
+            apart.arg("--quiet").args(DENY);
+            apart
+        }));
     }
     one_check("clippy", commands)
 }
@@ -149,7 +155,9 @@ fn tests(run: &Run<'_>) -> Result<Tally, String> {
     } else {
         project.cargo(["test", "--workspace", "--all-targets", "--no-fail-fast"])
     };
-    command.env_remove("SCH108BEX_PYTHON").env_remove("SCH108BEX_TSHARK");
+    for tool in ["PYTHON", "TSHARK", "QEMU", "FIRMWARE"] {
+        command.env_remove(format!("SCH108BEX_{tool}"));
+    }
     if run.everything
         && let Some(python) = &run.tools.python
     {
@@ -157,6 +165,10 @@ fn tests(run: &Run<'_>) -> Result<Tally, String> {
     }
     if run.everything && run.tools.tshark {
         command.env("SCH108BEX_TSHARK", "tshark");
+    }
+    if run.everything && run.tools.qemu && run.tools.lacks_for_firmware().is_none() {
+        command.env("SCH108BEX_QEMU", "qemu-system-arm");
+        command.env("SCH108BEX_FIRMWARE", firmware::shipped_image(project, &run.tools)?);
     }
     counted("tests", project, command)
 }
@@ -170,7 +182,7 @@ fn doc_tests(run: &Run<'_>) -> Result<Tally, String> {
 }
 
 /// Runs a test runner and takes over what it counted.
-fn counted(name: &str, project: &Project, mut command: Command) -> Result<Tally, String> {
+pub(crate) fn counted(name: &str, project: &Project, mut command: Command) -> Result<Tally, String> {
     let log = project.target.join(format!("skipped-{}.log", std::process::id()));
     command.env("SCH108BEX_SKIP_LOG", &log);
     let finished = run(&mut command, Duration::from_mins(25), Show::Live)?;

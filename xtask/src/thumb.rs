@@ -36,9 +36,14 @@ impl Thumb {
 
     /// `cargo` for a package of its own that is built for the target into a folder of its own.
     pub(crate) fn cargo(&self, project: &Project, command: &str, package: &str) -> Command {
-        let mut cargo = project.cargo([command, "--release", "--target", TARGET, "--manifest-path"]);
-        cargo.arg(format!("benches/{package}/Cargo.toml"));
-        cargo.arg("--target-dir").arg(project.target.join(package));
+        self.cargo_at(project, command, &format!("benches/{package}/Cargo.toml"), package)
+    }
+
+    /// The same for a manifest anywhere, into that folder below `target`.
+    pub(crate) fn cargo_at(&self, project: &Project, command: &str, manifest: &str, folder: &str) -> Command {
+        let mut cargo =
+            project.cargo([command, "--release", "--target", TARGET, "--manifest-path", manifest]);
+        cargo.arg("--target-dir").arg(project.target.join(folder));
         if let Some(sysroot) = &self.sysroot {
             cargo.env(
                 "CARGO_TARGET_THUMBV7EM_NONE_EABIHF_RUSTFLAGS",

@@ -148,6 +148,8 @@ impl EncoderStation {
 
     fn apply_world(&mut self, now: Instant, world: World) -> Result<(), StoreError> {
         self.setup.world = world;
+        // What is written because of it has the position of this instant.
+        self.latch(now);
         if let Some(device) = &mut self.device {
             device.measure(now, &world.0);
             self.keep(now);

@@ -20,6 +20,7 @@ fn named(variable: &str, what: &str, test: &str) -> Option<PathBuf> {
 }
 
 /// A Python that has pyprofibus.
+#[allow(dead_code, reason = "not every binary of tests runs Python")]
 pub(crate) fn python(test: &str) -> Option<PathBuf> {
     named("SCH108BEX_PYTHON", "a Python that has pyprofibus", test)
 }
@@ -28,4 +29,11 @@ pub(crate) fn python(test: &str) -> Option<PathBuf> {
 #[allow(dead_code, reason = "not every binary of tests looks at captures")]
 pub(crate) fn tshark(test: &str) -> Option<PathBuf> {
     named("SCH108BEX_TSHARK", "a tshark", test)
+}
+
+/// The emulator, and the firmware's image that it runs.
+#[allow(dead_code, reason = "not every binary of tests runs the firmware")]
+pub(crate) fn firmware(test: &str) -> Option<[PathBuf; 2]> {
+    let emulator = named("SCH108BEX_QEMU", "a QEMU for ARM", test)?;
+    Some([emulator, named("SCH108BEX_FIRMWARE", "the firmware's image", test)?])
 }

@@ -21,6 +21,8 @@ use profibus_dp::time::Baudrate;
 pub struct Cable {
     /// So many stations are in front of the master.
     pub master_after: usize,
+    /// Whether the master has its termination on; `None`: as it has to be where it is.
+    pub master_terminated: Option<bool>,
     /// So many devices, the master among them, are in front of a cut.
     pub cut_after: Option<usize>,
     /// Devices whose termination is wrong; `None`: that has no effect.
@@ -55,7 +57,7 @@ mod tests {
     use super::*;
 
     fn gone(master_after: usize, cut_after: usize) -> Vec<usize> {
-        let cable = Cable { master_after, cut_after: Some(cut_after), mismatches: None };
+        let cable = Cable { master_after, cut_after: Some(cut_after), ..Cable::default() };
         (0..4).filter(|&station| cable.cuts_off(station)).collect()
     }
 

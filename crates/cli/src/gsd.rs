@@ -90,7 +90,8 @@ impl Offer {
         Ok(Self { ident_number: ident.unwrap_or(PLACEHOLDER_IDENT), configurations, notes })
     }
 
-    fn from_gsd(path: &Path, variant: Variant) -> Result<Self, String> {
+    /// From a GSD file.
+    pub(crate) fn from_gsd(path: &Path, variant: Variant) -> Result<Self, String> {
         let text = gsd_reader::read_text(path).map_err(|error| error.to_string())?;
         let file = gsd_reader::read(path, &text).map_err(|error| error.to_string())?;
         let gsd::Judgement { ident_number, configurations, notes } = gsd::judge(&file, &text, variant)?;

@@ -1,11 +1,13 @@
 //! A scenario file: any octets, and text made of what scenario files are made of.
 
+use std::path::Path;
+
 use plant::scenario::{MOST_OCTETS, Scenario};
 
 use crate::tape::Tape;
 
 /// What lines of scenario files are made of.
-const FRAGMENTS: [&str; 48] = [
+const FRAGMENTS: [&str; 64] = [
     "[[segment]]\n",
     "[[segment.encoder]]\n",
     "[segment.master]\n",
@@ -52,6 +54,22 @@ const FRAGMENTS: [&str; 48] = [
     "sees = \"battery_charge\"\n",
     "diagnosis = { octet = 8, bit = 0 }\n",
     "duration = \"10 s\"\n",
+    "joins_at = 1\n",
+    "joined = false\n",
+    "machine = { unit = \"mm\", per_turn = 0.5, zero = 7 }\n",
+    "machine = { drum = { drum_diameter = 1, rope_diameter = 0.03, turns_per_layer = 10 } }\n",
+    "position = \"-90 deg\"\n",
+    "thermal = { ambient = 40 }\n",
+    "discharge = { charge = 50, hours_without_power = 1 }\n",
+    "supply_profile = { points = [[0, 24], [1, 5]] }\n",
+    "led_ageing = 1e3\n",
+    "endurance = 9\n",
+    "gsd = \"x.gsd\"\n",
+    "reflections = true\n",
+    "shaft = \"playback:file=x.csv\"\n",
+    "do = \"cut\"\nafter = 1\n",
+    "do = \"shaft\"\nshaft = \"hoist:by=1:speed=1:acceleration=1:unit=m:per_turn=2@here\"\n",
+    "{ a = [1, 2], b = 3 }\n",
     "1e308\n",
     "\"\u{e4}\u{1b}[2J\"\n",
 ];
@@ -72,7 +90,7 @@ pub fn scenario(octets: &[u8]) {
     };
     assert!(file.len() <= MOST_OCTETS);
     let source = String::from_utf8_lossy(&file);
-    match Scenario::parse_octets(&file) {
+    match Scenario::parse_octets(&file, Path::new("/nowhere")) {
         Ok(scenario) => {
             let names: Vec<_> = scenario.encoders().map(|encoder| encoder.name.as_str()).collect();
             assert!(!names.is_empty());

@@ -123,7 +123,7 @@ fn segment_snapshot(name: String, port: String, segment: &dyn Ground) -> Segment
         counters: segment.counters(),
         cable: faults.cable(),
         reflected: faults.reflected(),
-        termination: judge(segment.stations(), faults.cable().master_after),
+        termination: judge(segment.stations(), &faults.cable()),
         noise: faults.noise(),
         waiting: faults.waiting(),
         faults: faults.counters(),

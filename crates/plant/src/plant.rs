@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Sender};
 use std::thread::JoinHandle;
 
 use bus::termination::{self, Tap};
-use bus::{Control, End, EndError, Handler, News, Segment, Settings, WallClock};
+use bus::{Cable, Control, End, EndError, Handler, News, Segment, Settings, WallClock};
 
 use profibus_dp::time::Instant;
 
@@ -126,6 +126,7 @@ impl Plant {
             let now = segment.now();
             segment.add(EncoderStation::new(now, encoder)?);
         }
+        segment.faults_mut().set_cable(master.cable(count));
         let (control, commands) = segment.control();
         let port = segment.name().to_owned();
         tell_termination(&name, master, &taps, &reports);
@@ -239,6 +240,16 @@ pub struct MasterTap {
     pub place: usize,
     /// Whether it terminates the bus.
     pub terminated: bool,
+}
+
+impl MasterTap {
+    /// The cable, whole, with so many encoders.
+    pub(crate) fn cable(self, encoders: usize) -> Cable {
+        let at_end = self.place == 0 || self.place >= encoders;
+        // A master that is right stays right wherever a request puts it.
+        let master_terminated = (self.terminated != at_end).then_some(self.terminated);
+        Cable { master_after: self.place, master_terminated, ..Cable::default() }
+    }
 }
 
 impl Default for MasterTap {

@@ -429,7 +429,8 @@ fn hostile_files_get_a_sentence() {
     }
     let huge = "#".repeat((4 << 20) + 1);
     assert!(told(&huge).contains("4194304 is the most"));
-    let binary = Scenario::parse_octets(b"a = 1\n\xFF\xFE").expect_err("no text").render("f", "");
+    let binary =
+        Scenario::parse_octets(b"a = 1\n\xFF\xFE", Path::new("")).expect_err("no text").render("f", "");
     assert!(binary.contains("octet FF in line 2") && binary.contains("UTF-8"), "{binary}");
 }
 

@@ -139,9 +139,9 @@ pub(super) enum Command {
         /// So many devices are in front of the cut, the master among them
         #[arg(value_parser = whole::<u32>(0..=127), allow_negative_numbers = true)]
         after: u32,
-        /// So many encoders are in front of the master
-        #[arg(long, default_value_t = 0, value_parser = whole::<u32>(0..=126), value_name = "COUNT", allow_negative_numbers = true)]
-        master_after: u32,
+        /// So many encoders are in front of the master; as many as there were if left out, 0 at first
+        #[arg(long, value_parser = whole::<u32>(0..=126), value_name = "COUNT", allow_negative_numbers = true)]
+        master_after: Option<u32>,
     },
     /// The cable is whole again
     Mend,

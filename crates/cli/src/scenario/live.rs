@@ -5,7 +5,7 @@ use std::sync::mpsc::{self, Sender};
 use std::time::{Duration as Time, Instant as Moment};
 
 use bus::{Link, PortAddress, Settings, open_for_slaves};
-use plant::control::{ControlAddress, Request, Subscriptions, Which};
+use plant::control::{ControlAddress, Subscriptions};
 use plant::scenario::{Act, EncoderPlan, Event, Scenario, SegmentPlan};
 use plant::{EncoderSetup, Handle, Plant, Rate, Report, SegmentSetup};
 use profibus_dp::fdl::BaudSetting;
@@ -42,9 +42,8 @@ pub(crate) fn run(file: &Path, control: Option<&ControlAddress>, capture: &Captu
     let buses: Vec<_> =
         plan.segments.iter().map(|segment| segment.name.as_str()).zip(plant.ports()).collect();
     let captures = capture.start(&handle, &buses, false)?;
-    for encoder in plan.encoders().filter(|encoder| !encoder.joined) {
-        let encoder = Some(Which::Name(encoder.name.clone()));
-        handle.apply(&Request::Leave { encoder }).map_err(failed)?;
+    for start in plan.starts() {
+        handle.apply(&start).map_err(failed)?;
     }
     plant.start_shafts().map_err(failed)?;
     let end = to_main.clone();

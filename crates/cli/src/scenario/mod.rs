@@ -12,6 +12,7 @@ use plant::scenario::{Fault, Faults, MOST_OCTETS, Scenario as Plan, position, sc
 use serde::Serialize;
 
 use crate::Failure;
+use crate::gsd::Offer;
 use crate::output;
 
 /// Check scenario files, play them in virtual time, and judge them
@@ -64,10 +65,7 @@ pub(crate) struct Loaded {
 pub(crate) fn load(file: &Path) -> Result<Loaded, Failure> {
     let (source, parsed) = read(file)?;
     match parsed {
-        Ok(mut plan) => {
-            plan.resolve_paths(file.parent().unwrap_or(Path::new("")));
-            Ok(Loaded { plan, source })
-        }
+        Ok(plan) => Ok(Loaded { plan, source }),
         Err(faults) => Err(Failure::Usage(wrong(file, &source, &faults))),
     }
 }
@@ -88,7 +86,23 @@ fn read(file: &Path) -> Result<(String, Result<Plan, Faults>), Failure> {
     // One more than there may be, and no more of a file that has no end.
     let most = MOST_OCTETS as u64 + 1;
     File::open(file).map_err(cannot)?.take(most).read_to_end(&mut octets).map_err(cannot)?;
-    let parsed = Plan::parse_octets(&octets);
+    let folder = file.parent().unwrap_or(Path::new(""));
+    let parsed = Plan::parse_octets(&octets, folder).and_then(|mut plan| {
+        plan.resolve_paths(folder);
+        plan.resolve_gsd(|path, variant| {
+            let offer = Offer::from_gsd(path, variant)?;
+            Ok((offer.ident_number, offer.configurations))
+        })
+        .map_err(|why| {
+            let fault = Fault {
+                span: None,
+                message: why,
+                hint: "write the path of your own GSD of the device".to_owned(),
+            };
+            Faults(vec![fault])
+        })?;
+        Ok(plan)
+    });
     Ok((String::from_utf8_lossy(&octets).into_owned(), parsed))
 }
 

@@ -139,6 +139,37 @@ fn run_puts_each_segment_on_its_port_and_lets_events_happen() {
     assert!(running.take_errors().contains("the built-in one, and events for it, are for `scenario run`"));
 }
 
+#[test]
+fn files_of_a_scenario_are_in_its_folder() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let gsd =
+        end_of(program().args(["gsd", "--ident", "0x4711", "--output"]).arg(folder.path().join("own.gsd")));
+    assert_eq!(gsd.status, Some(0), "{gsd:?}");
+    std::fs::write(folder.path().join("trip.csv"), "0,0\n1,2\n").expect("a file");
+    let keys = "switches = \"05\"\ngsd = \"own.gsd\"\nshaft = \"playback:file=trip.csv\"";
+    let source = SCENARIO.replace("switches = \"05\"", keys);
+    let holds = format!(
+        "{source}[[expect]]\nat = 1.1\nencoder = \"crane.hoist\"\nexchanging = true\nposition = 131072\n\
+         diagnosis = {{ octet = 5, bit = 0 }}\n"
+    );
+    // Octets 5 and 6 of a diagnosis are the ident number: 47h, 11h.
+    let ended = scenario(&["run", "--virtual"], &file(&folder, &holds));
+    assert_eq!(ended.status, Some(0), "{ended:?}");
+    assert_eq!(scenario(&["check"], &file(&folder, &holds)).status, Some(0));
+    let mut running = Program::start(program().arg("run").arg(file(&folder, &source)));
+    running.wait_for(&["ready"]);
+    let port = running.wait_for(&["crane: /dev/pts/"]);
+    let mut master = Master::new(Terminal::open(std::path::Path::new(&port["crane: ".len()..]), 500_000), 5);
+    assert_eq!(master.diagnosis().octets(5..=6), [0x47, 0x11]);
+    running.end();
+    for missing in ["own.gsd", "trip.csv"] {
+        std::fs::remove_file(folder.path().join(missing)).expect("a file");
+        let ended = scenario(&["check"], &file(&folder, &holds));
+        assert_eq!(ended.status, Some(2), "{ended:?}");
+        assert!(ended.errors.contains(missing) && ended.errors.contains("hint: "), "{}", ended.errors);
+    }
+}
+
 /// Telegrams of a service in a capture.
 fn in_capture(path: &std::path::Path, service: &str) -> Vec<Value> {
     let ended = end_of(program().args(["decode", "--json", "--service", service]).arg(path));

@@ -113,9 +113,8 @@ pub enum Request {
         segment: Option<Which>,
         /// So many devices, the master among them, are in front of the cut.
         after: usize,
-        /// So many encoders are in front of the master; 0 if left out.
-        #[serde(default)]
-        master_after: usize,
+        /// So many encoders are in front of the master; left out: as many as there were, 0 at first.
+        master_after: Option<usize>,
     },
     /// The cable is whole again.
     Mend {

@@ -162,7 +162,8 @@ impl Handle {
             let mut cable = segment.faults().cable();
             match request {
                 Request::Cut { after, master_after, .. } => {
-                    (cable.cut_after, cable.master_after) = (Some(after), master_after);
+                    cable.cut_after = Some(after);
+                    cable.master_after = master_after.unwrap_or(cable.master_after);
                 }
                 Request::Mend { .. } => cable.cut_after = None,
                 Request::Reflections { on, .. } => cable.mismatches = on.then_some(0),
@@ -183,13 +184,14 @@ fn relay(segment: &mut dyn Ground, mut cable: bus::Cable) {
         }
     }
     if cable.mismatches.is_some() {
-        cable.mismatches = Some(judge(segment.stations(), cable.master_after).len());
+        cable.mismatches = Some(judge(segment.stations(), &cable).len());
     }
     segment.faults_mut().set_cable(cable);
 }
 
 /// What is wrong with the termination of the part of the cable that the master is on (manual 3.3).
-pub(crate) fn judge(stations: &[EncoderStation], master_after: usize) -> Vec<String> {
+pub(crate) fn judge(stations: &[EncoderStation], cable: &bus::Cable) -> Vec<String> {
+    let master_after = cable.master_after;
     let mut taps: Vec<_> = stations
         .iter()
         .enumerate()
@@ -200,9 +202,11 @@ pub(crate) fn judge(stations: &[EncoderStation], master_after: usize) -> Vec<Str
         })
         .collect();
     let place = taps.iter().filter(|(at, _)| *at < master_after).count();
-    // The master's plug is switched as it has to be where it is, unless the cable was cut beside it.
+    // Where nobody has said otherwise the master's plug is switched as it has to be where it is, unless the
+    // cable was cut beside it.
     let at_end = master_after == 0 || master_after >= stations.len();
-    taps.insert(place, (usize::MAX, Tap { name: "master", switches: [at_end; 2] }));
+    let terminated = cable.master_terminated.unwrap_or(at_end);
+    taps.insert(place, (usize::MAX, Tap { name: "master", switches: [terminated; 2] }));
     let taps: Vec<_> = taps.into_iter().map(|(_, tap)| tap).collect();
     termination::judge(&taps).iter().map(ToString::to_string).collect()
 }

@@ -1,5 +1,7 @@
 //! The values that requests have.
 
+use std::path::Path;
+
 use serde::{Deserialize, Serialize};
 
 use crate::shaft::{Coupling, Shaft, ShaftError, ShaftFields};
@@ -103,6 +105,20 @@ impl ShaftSpec {
     /// What cannot be read.
     pub fn coupling(&self) -> Result<Option<Coupling>, ShaftError> {
         self.fields()?.0.coupling()
+    }
+
+    /// The same with the file of a playback taken from this folder on.
+    pub(crate) fn in_folder(self, folder: &Path) -> Self {
+        let Ok((mut fields, here)) = self.fields() else { return self };
+        let Some(file) = fields.file.as_ref().filter(|file| !Path::new(file).is_absolute()) else {
+            return self;
+        };
+        let Ok(file) = folder.join(file).into_os_string().into_string() else { return self };
+        fields.file = Some(file);
+        if !here {
+            fields.raw.get_or_insert(0);
+        }
+        Self::Fields(Box::new(fields))
     }
 
     /// The fields, and whether it begins where the shaft is: left out, that is so in fields, while a text

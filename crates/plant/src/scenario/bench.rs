@@ -5,10 +5,10 @@ use std::sync::{Arc, Mutex};
 
 use bus::{EndError, VirtualSegment};
 use profibus_dp::time::Instant;
-use sch108bex::configuration::Configurations;
 
 use super::events::{Act, MasterAct};
 use super::poller::{NotedLine, Poller};
+use super::run::RunError;
 use super::{EncoderPlan, Scenario, SegmentPlan};
 use crate::control::{ControlError, Couplings};
 use crate::encoder::{EncoderSetup, EncoderStation, Rate};
@@ -48,7 +48,7 @@ impl EncoderPlan {
         };
         Ok(EncoderSetup {
             identity: self.identity,
-            configurations: Configurations::default(),
+            configurations: self.configurations,
             rate,
             termination: self.termination,
             shaft: self.shaft.clone(),
@@ -65,7 +65,7 @@ impl Bench {
     /// # Errors
     ///
     /// A state file cannot be used.
-    pub fn new(scenario: &Scenario) -> Result<Self, StoreError> {
+    pub fn new(scenario: &Scenario) -> Result<Self, RunError> {
         let (to, reports) = mpsc::channel();
         let mut segments = Vec::new();
         let mut places = Vec::new();
@@ -74,12 +74,11 @@ impl Bench {
             places.push(place);
             segments.push(segment);
         }
-        Ok(Self {
-            handle: Handle::new(places.into_iter(), Couplings::default()),
-            segments,
-            reports,
-            now: Instant::ZERO,
-        })
+        let handle = Handle::new(places.into_iter(), Couplings::default());
+        for start in scenario.starts() {
+            handle.apply(&start)?;
+        }
+        Ok(Self { handle, segments, reports, now: Instant::ZERO })
     }
 
     /// A hand on it: what it is asked for is done between two steps.
@@ -186,11 +185,9 @@ fn make(plan: &SegmentPlan, reports: &Sender<Report>) -> Result<(Place, Mastered
         taps.push(Terminated::of(&setup));
         let mut station = EncoderStation::new(Instant::ZERO, setup)?;
         station.start_shaft(Instant::ZERO);
-        if !encoder.joined {
-            station.plug(Instant::ZERO, false);
-        }
         segment.add(station);
     }
+    segment.faults_mut().set_cable(plan.tap.cable(plan.encoders.len()));
     tell_termination(&plan.name, plan.tap, &taps, reports);
     let segment = Arc::new(Mutex::new(segment));
     let encoders = plan.encoders.iter();

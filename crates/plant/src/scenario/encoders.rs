@@ -2,7 +2,9 @@
 
 use std::ops::Range;
 
+use profibus_dp::time::{Duration, Instant};
 use sch108bex::Identity;
+use sch108bex::configuration::Configurations;
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
 use sch108bex::health::{Battery, Measurement};
 use sch108bex::specification::{PLACEHOLDER_IDENT, SerialNumber, Variant};
@@ -10,10 +12,11 @@ use serde::Deserialize;
 
 use super::fault::quoted;
 use super::keys::TERMINATIONS;
-use super::quantity::Travel;
-use super::reader::{Reader, error_in_short};
-use super::{EncoderPlan, segments};
+use super::quantity::{Scale, Travel};
+use super::reader::{At, Reader, error_in_short};
+use super::{EncoderPlan, LONGEST, segments, starts};
 use crate::control::ShaftSpec;
+use crate::machine::Machine;
 use crate::shaft::{Shaft, ShaftError};
 use crate::world::World;
 
@@ -154,6 +157,15 @@ fn encoder(table: &Reader<'_>, name: String) -> Found {
         Some("one") => Termination::One,
         _ => Termination::Auto,
     };
+    let starts = starts::read(table);
+    let gsd = table.text("gsd");
+    if let Some(At { span, .. }) = gsd.as_ref().filter(|_| table.raw("ident").is_some()) {
+        table.fault(
+            span.clone(),
+            "`gsd` and `ident` both say what the ident number is",
+            "leave one of them out",
+        );
+    }
     let per_revolution = table.parsed::<Travel>("per_revolution");
     if let Some(travel) = per_revolution.as_ref().filter(|travel| travel.value.value <= 0.0) {
         table.fault(
@@ -162,17 +174,51 @@ fn encoder(table: &Reader<'_>, name: String) -> Found {
             "write a length or an angle above 0",
         );
     }
+    let shaft = shaft(table, variant);
+    let joins_at = table.time("joins_at", Duration::ZERO, LONGEST);
+    if joins_at.is_some() && table.raw("joined").is_some() {
+        let message = "`joins_at` and `joined` both say whether it is there at the start";
+        table.fault(table.span_of("joined"), message, "leave one of them out");
+    }
     let plan = EncoderPlan {
         name,
         identity,
+        configurations: Configurations::default(),
+        gsd: gsd.map(|gsd| gsd.value.into()),
         state: table.text("state").map(|state| state.value.into()),
         termination: TerminationSwitches::OFF,
-        shaft: shaft(table, variant),
+        scale: scale(table, per_revolution, starts::machine(&starts), &shaft, variant),
+        shaft,
         world: world(table),
-        per_revolution: per_revolution.map(|travel| travel.value),
+        starts,
         joined: table.boolean("joined").unwrap_or(true),
+        joins_at: joins_at.map(|at| (Instant::ZERO + at, table.span_of("joins_at").start)),
     };
     Found { plan, termination }
+}
+
+/// What makes units of steps: the key for it, else the machine, else the machine of the shaft.
+fn scale(
+    table: &Reader<'_>,
+    per_revolution: Option<At<Travel>>,
+    machine: Option<&Machine>,
+    shaft: &Shaft,
+    variant: Variant,
+) -> Option<Scale> {
+    if let Some(At { value, span }) = per_revolution {
+        if machine.is_some() {
+            let message = "`per_revolution` and `machine` both say what a revolution moves";
+            table.fault(span, message, "leave one of them out");
+        }
+        return Some(Scale::of_travel(value));
+    }
+    let scale = Scale::of_machine(machine.or_else(|| shaft.machine())?, variant);
+    if let (None, Some(machine)) = (&scale, machine) {
+        let message =
+            format!("`machine`: {} is no unit that positions can be written in", quoted(&machine.unit));
+        table.fault(table.span_of("machine"), message, "write unit = \"m\", mm, cm, km, in, ft, deg or rev");
+    }
+    scale
 }
 
 /// An ident number as a whole number, or as text with 0x.
@@ -201,7 +247,7 @@ fn shaft(table: &Reader<'_>, variant: Variant) -> Shaft {
         Shaft::still(0)
     };
     let spec = match ShaftSpec::deserialize(&found.value) {
-        Ok(spec) => spec,
+        Ok(spec) => spec.in_folder(&table.faults.folder),
         Err(error) => return wrong(error_in_short(&error)),
     };
     match spec.resolve().and_then(|(shaft, _)| shaft.check(variant).map(|()| shaft)) {

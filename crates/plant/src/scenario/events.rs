@@ -79,9 +79,11 @@ pub enum MasterAct {
     },
 }
 
-pub(super) fn read(file: &Reader<'_>, names: &Names) -> Vec<Event> {
+/// Events of one moment come in the order of the file, `first` in front of them.
+pub(super) fn read(file: &Reader<'_>, names: &Names, first: Vec<Event>) -> Vec<Event> {
     let tables = file.tables("event", MOST);
-    let mut events: Vec<_> = tables.iter().filter_map(|table| event(table, names)).collect();
+    let mut events = first;
+    events.extend(tables.iter().filter_map(|table| event(table, names)));
     events.sort_by_key(|event| event.at);
     events
 }
@@ -124,6 +126,9 @@ fn request(
         format!("as JSON it is {}", example.unwrap_or_default())
     };
     let request = match Request::deserialize(Value::Object(fields)) {
+        Ok(Request::Shaft { encoder, shaft }) => {
+            Request::Shaft { encoder, shaft: shaft.in_folder(&table.faults.folder) }
+        }
         Ok(request) => request,
         Err(error) => {
             let error = error_in_short(&error);

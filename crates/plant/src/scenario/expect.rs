@@ -7,7 +7,7 @@ use serde_json::{Map, Value};
 use super::fault::{nearest, quoted};
 use super::keys::{ALARMS, STATES, WARNINGS};
 use super::poll::octets;
-use super::quantity::Travel;
+use super::quantity::{Scale, Travel, Unit};
 use super::reader::{At, Reader};
 use super::{LONGEST, Names, SegmentPlan, shown};
 use crate::control::EVENT_KINDS;
@@ -73,8 +73,8 @@ pub enum What {
 pub enum Check {
     /// In scaled steps.
     Position(f64, f64),
-    /// In the unit of the machine: the value, how far it may be off, and what one revolution moves.
-    Travel(Travel, f64, Travel),
+    /// In the unit of the machine: the value, how far it may be off, and what makes it of steps.
+    Travel(Travel, f64, Box<Scale>),
     /// In steps per time base.
     Velocity(f64, f64),
     /// In steps per time base.
@@ -256,7 +256,7 @@ fn of_moment(table: &Reader<'_>, names: &Names, segments: &[SegmentPlan]) -> Opt
     let encoder = encoder(table, names)?;
     let plan = segments.iter().flat_map(|segment| &segment.encoders).find(|plan| plan.name == encoder)?;
     let mut checks: Vec<Check> = Vec::new();
-    checks.extend(position(table, plan.per_revolution));
+    checks.extend(position(table, plan.scale.as_ref()));
     for (key, check) in [
         ("velocity", Check::Velocity as fn(f64, f64) -> Check),
         ("acceleration", Check::Acceleration),
@@ -299,15 +299,15 @@ fn within_steps(table: &Reader<'_>) -> Option<f64> {
 }
 
 /// A position in steps, or in the unit of the machine.
-fn position(table: &Reader<'_>, per_revolution: Option<Travel>) -> Option<Check> {
+fn position(table: &Reader<'_>, scale: Option<&Scale>) -> Option<Check> {
     let found = table.raw("position")?;
     if found.get_ref().as_str().is_none() {
         let steps = table.number("position", 0.0, 4_294_967_296.0)?;
         return Some(Check::Position(steps, within_steps(table)?));
     }
     let At { value: position, span } = table.parsed::<Travel>("position")?;
-    let Some(scale) = per_revolution else {
-        let hint = "add per_revolution = \"...\" to the encoder, or write steps";
+    let Some(scale) = scale else {
+        let hint = "add per_revolution = \"...\" or machine = { ... } to the encoder, or write steps";
         table.fault(span, "how far the machine moves in one revolution is not known", hint);
         return None;
     };
@@ -315,15 +315,18 @@ fn position(table: &Reader<'_>, per_revolution: Option<Travel>) -> Option<Check>
         None => None,
         Some(_) => Some(table.parsed::<Travel>("within")?.value),
     };
-    if scale.unit != position.unit
-        || within.is_some_and(|within| within.unit != scale.unit || within.value < 0.0)
+    if scale.unit() != position.unit
+        || within.is_some_and(|within| within.unit != scale.unit() || within.value < 0.0)
     {
-        let hint =
-            format!("write `position` and `within` in the kind of unit that per_revolution has, {scale}");
+        let kind = match scale.unit() {
+            Unit::Metre => "lengths, like \"3.20 m\"",
+            Unit::Degree => "angles, like \"90 deg\"",
+        };
+        let hint = format!("write `position` and `within` as the encoder has them: {kind}");
         table.fault(span, "lengths and angles do not go together", hint);
         return None;
     }
-    Some(Check::Travel(position, within.map_or(0.0, |within| within.value), scale))
+    Some(Check::Travel(position, within.map_or(0.0, |within| within.value), Box::new(scale.clone())))
 }
 
 fn flags<T>(

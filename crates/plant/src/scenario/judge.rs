@@ -282,11 +282,11 @@ fn of_powered(check: &Check, device: &DeviceSnapshot) -> (String, bool) {
             (format!("position {position}"), around(position - due, range) <= *within)
         }
         Check::Travel(due, within, scale) => {
-            let step = scale.value / f64::from(scaling.measuring_units_per_revolution());
-            let is = Travel { value: position * step, unit: scale.unit };
+            let per_revolution = f64::from(scaling.measuring_units_per_revolution());
+            let [is, next] = scale.travel(position, per_revolution, range, *due);
             // Whoever writes 2 mm means 2 mm, whatever the binary fractions make of it.
-            let allowed = within + step * 1e-6;
-            (format!("position {is}"), around(is.value - due.value, range * step) <= allowed)
+            let allowed = within + (next.value - is.value).abs() * 1e-6;
+            (format!("position {is}"), (is.value - due.value).abs() <= allowed)
         }
         Check::Velocity(due, within) => {
             (format!("velocity {}", device.velocity), near(device.velocity, *due, *within))

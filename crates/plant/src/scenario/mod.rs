@@ -20,13 +20,16 @@ pub mod quantity;
 mod reader;
 mod run;
 mod segments;
+mod starts;
 
 use std::path::{Path, PathBuf};
 
 use bus::PortAddress;
 use profibus_dp::time::{Baudrate, Duration, Instant};
 use sch108bex::Identity;
+use sch108bex::configuration::Configurations;
 use sch108bex::end_cap::TerminationSwitches;
+use sch108bex::specification::Variant;
 use toml::de::DeTable;
 
 pub use bench::Bench;
@@ -35,9 +38,10 @@ pub use expect::{Check, Expectation, Flag, What};
 pub use fault::{Fault, Faults, position};
 pub use keys::schema;
 pub use outcome::{EncoderOutcome, Outcome, SegmentOutcome, Verdict};
-pub use quantity::{Travel, Unit, show_time};
+pub use quantity::{Scale, Travel, Unit, show_time};
 pub use run::{Progress, RunError, play, run};
 
+use crate::control::{Request, Which};
 use crate::plant::MasterTap;
 use crate::shaft::Shaft;
 use crate::world::World;
@@ -84,6 +88,8 @@ pub struct SegmentPlan {
     pub pace: bool,
     /// Where the master is in the cable.
     pub tap: MasterTap,
+    /// Whether a wrong termination damages bits.
+    pub reflections: bool,
     /// Who is on it, in the order of the cable.
     pub encoders: Vec<EncoderPlan>,
     /// The built-in master.
@@ -97,6 +103,10 @@ pub struct EncoderPlan {
     pub name: String,
     /// Who it is.
     pub identity: Identity,
+    /// The configurations that it offers.
+    pub configurations: Configurations,
+    /// The user's own GSD of it, which says what masters know of it; see [`Scenario::resolve_gsd`].
+    pub gsd: Option<PathBuf>,
     /// What keeps its memory, as the file has it.
     pub state: Option<PathBuf>,
     /// Its termination switches.
@@ -105,10 +115,14 @@ pub struct EncoderPlan {
     pub shaft: Shaft,
     /// What is around it.
     pub world: World,
-    /// What the machine moves in one revolution.
-    pub per_revolution: Option<Travel>,
+    /// What turns steps into units of the machine.
+    pub scale: Option<Scale>,
+    /// What is done for it at its start, each without its name: see [`Scenario::starts`].
+    pub starts: Vec<Request>,
     /// Whether it is on the bus at the beginning.
     pub joined: bool,
+    /// It is not there before this moment, which stands in the file at this octet.
+    pub joins_at: Option<(Instant, usize)>,
 }
 
 /// A built-in master.
@@ -135,6 +149,8 @@ pub struct PollPlan {
     pub address: u8,
     /// Set_Prm, from octet 1 on.
     pub set_prm: Vec<u8>,
+    /// Whether its ident number is the encoder's, whatever that is.
+    pub ident_of_encoder: bool,
     /// Chk_Cfg.
     pub configuration: Vec<u8>,
     /// How many output octets it sends.
@@ -148,6 +164,15 @@ impl Scenario {
     ///
     /// Everything that is wrong, up to twenty things.
     pub fn parse(source: &str) -> Result<Self, Faults> {
+        Self::parse_in(source, Path::new(""))
+    }
+
+    /// The same with files of playbacks, which are read at once, from this folder on.
+    ///
+    /// # Errors
+    ///
+    /// As for [`parse`](Self::parse).
+    pub fn parse_in(source: &str, folder: &Path) -> Result<Self, Faults> {
         if source.len() > MOST_OCTETS {
             let message = format!("it has {} octets, and {MOST_OCTETS} is the most", source.len());
             return Err(Faults::of_the_file(message, "is this the right file? Encoders can have a `count`"));
@@ -160,7 +185,7 @@ impl Scenario {
             };
             Faults(vec![fault])
         })?;
-        let faults = Gathered::default();
+        let faults = Gathered::of(folder);
         let file = Reader::new(&faults, document.get_ref(), 0..0, &keys::FILE);
         let scenario = Self::read(&file);
         let mut found = faults.take();
@@ -175,10 +200,10 @@ impl Scenario {
     ///
     /// # Errors
     ///
-    /// As for [`parse`](Self::parse), and octets that are no text.
-    pub fn parse_octets(octets: &[u8]) -> Result<Self, Faults> {
+    /// As for [`parse_in`](Self::parse_in), and octets that are no text.
+    pub fn parse_octets(octets: &[u8], folder: &Path) -> Result<Self, Faults> {
         match std::str::from_utf8(octets) {
-            Ok(source) => Self::parse(source),
+            Ok(source) => Self::parse_in(source, folder),
             Err(error) => {
                 let line = octets[..error.valid_up_to()].split(|octet| *octet == b'\n').count();
                 let octet = octets.get(error.valid_up_to()).copied().unwrap_or_default();
@@ -200,13 +225,13 @@ impl Scenario {
             let hint = "begin with [[segment]] and [[segment.encoder]]";
             file.fault(file.span_of("segment"), "there is no segment", hint);
         }
-        let segments = segments::read(&tables);
+        let mut segments = segments::read(&tables);
         if file.faults.any() {
             // Names cannot be looked up: what follows would be told for nothing.
             return None;
         }
         let names = Names::of(&segments);
-        let events = events::read(file, &names);
+        let events = events::read(file, &names, segments::joins(&mut segments));
         let expectations = expect::read(file, &names, &segments);
         let last =
             events.iter().map(|event| event.at).chain(expectations.iter().map(Expectation::last)).max();
@@ -223,12 +248,64 @@ impl Scenario {
     pub fn resolve_paths(&mut self, folder: &Path) {
         for encoder in self.segments.iter_mut().flat_map(|segment| &mut segment.encoders) {
             encoder.state = encoder.state.take().map(|path| folder.join(path));
+            encoder.gsd = encoder.gsd.take().map(|path| folder.join(path));
         }
+    }
+
+    /// Lets somebody read the GSD files of encoders, for the ident number and the configurations that masters
+    /// know them by.
+    ///
+    /// # Errors
+    ///
+    /// What the reader says of the first file that is none, with its name.
+    pub fn resolve_gsd(
+        &mut self,
+        mut read: impl FnMut(&Path, Variant) -> Result<(u16, Configurations), String>,
+    ) -> Result<(), String> {
+        for segment in &mut self.segments {
+            for encoder in &mut segment.encoders {
+                let Some(path) = &encoder.gsd else { continue };
+                let (ident, configurations) = read(path, encoder.identity.variant)
+                    .map_err(|why| format!("{}: gsd {}: {why}", encoder.name, path.display()))?;
+                encoder.identity.ident_number = ident;
+                encoder.configurations = configurations;
+                let polls = segment.master.iter_mut().flat_map(|master| &mut master.polls);
+                polls
+                    .filter(|poll| poll.encoder == encoder.name)
+                    .for_each(|poll| poll.encoder_has_ident(ident));
+            }
+        }
+        Ok(())
+    }
+
+    /// What is done at the start, in this order.
+    pub fn starts(&self) -> Vec<Request> {
+        let reflections = self.segments.iter().filter(|segment| segment.reflections);
+        let reflections = reflections.map(|segment| Request::Reflections {
+            segment: Some(Which::Name(segment.name.clone())),
+            on: true,
+        });
+        let of_encoders = self.encoders().flat_map(|encoder| {
+            let named = |request| starts::for_encoder(request, &encoder.name);
+            let leave = Request::Leave { encoder: Some(Which::Name(encoder.name.clone())) };
+            encoder.starts.iter().map(named).chain((!encoder.joined).then_some(leave))
+        });
+        reflections.chain(of_encoders).collect()
     }
 
     /// All encoders, in the order in which they are numbered.
     pub fn encoders(&self) -> impl Iterator<Item = &EncoderPlan> {
         self.segments.iter().flat_map(|segment| &segment.encoders)
+    }
+}
+
+impl PollPlan {
+    /// The ident number of the encoder has become known.
+    fn encoder_has_ident(&mut self, ident: u16) {
+        // Octets 5 and 6 of Set_Prm.
+        if let (true, Some(octets)) = (self.ident_of_encoder, self.set_prm.get_mut(4..6)) {
+            octets.copy_from_slice(&ident.to_be_bytes());
+        }
     }
 }
 

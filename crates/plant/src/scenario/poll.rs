@@ -89,6 +89,7 @@ fn poll(table: &Reader<'_>, encoder: &EncoderPlan) -> Option<PollPlan> {
         encoder: encoder.name.clone(),
         address: address(table, encoder)?,
         set_prm: standard.set_prm(),
+        ident_of_encoder: table.raw("ident").is_none(),
         configuration: configuration.unwrap_or_else(|| functionality.configuration().to_vec()),
         outputs: usize::from(functionality.outputs()),
     })

@@ -4,6 +4,9 @@ use std::fmt;
 use std::str::FromStr;
 
 use profibus_dp::time::Duration;
+use sch108bex::specification::Variant;
+
+use crate::machine::Machine;
 
 /// What a machine moves: metres or degrees.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -21,6 +24,49 @@ pub enum Unit {
     Metre,
     /// Degrees.
     Degree,
+}
+
+/// What turns the position that a master reads into units of the machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scale {
+    machine: Machine,
+    /// Metres or degrees in one of the machine's units.
+    factor: f64,
+    unit: Unit,
+    /// Where the machine is at 0, in turns of an encoder without offset.
+    zero: f64,
+}
+
+impl Scale {
+    /// One revolution moves so much.
+    pub(super) fn of_travel(travel: Travel) -> Self {
+        let machine = Machine::linear("", travel.value);
+        Self { machine, factor: 1.0, unit: travel.unit, zero: 0.0 }
+    }
+
+    /// Of a machine whose unit is one of ours.
+    #[expect(clippy::cast_precision_loss, reason = "positions stay far below 2^53")]
+    pub(super) fn of_machine(machine: &Machine, variant: Variant) -> Option<Self> {
+        let Travel { value: factor, unit } = format!("1 {}", machine.unit).parse().ok()?;
+        let zero = machine.zero as f64 / f64::from(variant.steps_per_revolution());
+        Some(Self { machine: machine.clone(), factor, unit, zero })
+    }
+
+    /// Metres or degrees.
+    pub(super) fn unit(&self) -> Unit {
+        self.unit
+    }
+
+    /// A position in scaled steps as a travel, and that of the step after it. Positions follow each other in a
+    /// ring of so many steps: of all that are this one it is the nearest to `due`.
+    pub(super) fn travel(&self, steps: f64, per_revolution: f64, range: f64, due: Travel) -> [Travel; 2] {
+        let ring = range / per_revolution;
+        let turns = steps / per_revolution - self.zero;
+        let rounds = ((self.machine.turns(due.value / self.factor) - turns) / ring).round();
+        let turns = turns + rounds * ring;
+        let travel = |turns| Travel { value: self.machine.units(turns) * self.factor, unit: self.unit };
+        [travel(turns), travel(turns + 1.0 / per_revolution)]
+    }
 }
 
 /// Why a text is no [`Travel`].

@@ -2,6 +2,7 @@
 
 use std::cell::RefCell;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use profibus_dp::time::Duration;
@@ -17,23 +18,32 @@ use super::quantity;
 const MOST_FAULTS: usize = 20;
 
 /// Where faults are gathered.
-#[derive(Debug, Default)]
-pub(super) struct Gathered(RefCell<Vec<Fault>>);
+#[derive(Debug)]
+pub(super) struct Gathered {
+    faults: RefCell<Vec<Fault>>,
+    /// Files that are read with the scenario are there.
+    pub(super) folder: PathBuf,
+}
 
 impl Gathered {
+    /// None yet.
+    pub(super) fn of(folder: &Path) -> Self {
+        Self { faults: RefCell::default(), folder: folder.to_owned() }
+    }
+
     pub(super) fn add(&self, fault: Fault) {
-        let mut faults = self.0.borrow_mut();
+        let mut faults = self.faults.borrow_mut();
         if faults.len() < MOST_FAULTS {
             faults.push(fault);
         }
     }
 
     pub(super) fn take(&self) -> Vec<Fault> {
-        std::mem::take(&mut self.0.borrow_mut())
+        std::mem::take(&mut self.faults.borrow_mut())
     }
 
     pub(super) fn any(&self) -> bool {
-        !self.0.borrow().is_empty()
+        !self.faults.borrow().is_empty()
     }
 }
 

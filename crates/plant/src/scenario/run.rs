@@ -10,6 +10,7 @@ use super::expect::What;
 use super::judge::Judge;
 use super::outcome::{Outcome, Verdict};
 use super::{Scenario, outcome};
+use crate::control::ControlError;
 use crate::report::Report;
 use crate::store::StoreError;
 
@@ -22,6 +23,9 @@ pub enum RunError {
     /// A segment broke.
     #[error(transparent)]
     End(#[from] EndError),
+    /// What an encoder is to begin with cannot be done.
+    #[error(transparent)]
+    Start(#[from] ControlError),
 }
 
 /// Whoever looks on while a scenario is played.

@@ -11,7 +11,8 @@ use toml::de::DeValue;
 use super::encoders::{self, Found};
 use super::fault::{nearest, quoted};
 use super::reader::{At, Reader};
-use super::{EncoderPlan, SegmentPlan, poll};
+use super::{Act, EncoderPlan, Event, SegmentPlan, poll, starts};
+use crate::control::{Request, Which};
 use crate::plant::MasterTap;
 
 /// The master's place in `cable`.
@@ -77,7 +78,27 @@ fn segment(table: &Reader<'_>, states: &mut Vec<(String, Range<usize>)>) -> Opti
     let order = cable(table, &name, &found);
     let (encoders, tap) = placed(table, found, &order);
     let master = table.inner("master").map(|inner| poll::master(&inner, &name, &encoders));
-    Some(SegmentPlan { name, port, link, rate, search, pace, tap, encoders, master })
+    let reflections = table.boolean("reflections").unwrap_or(false);
+    Some(SegmentPlan { name, port, link, rate, search, pace, tap, reflections, encoders, master })
+}
+
+/// What happens when encoders come that are not there at the start: they get power, what they begin with, and
+/// their place on the bus. Until then they have none of that.
+pub(super) fn joins(segments: &mut [SegmentPlan]) -> Vec<Event> {
+    let mut events = Vec::new();
+    for plan in segments.iter_mut().flat_map(|segment| &mut segment.encoders) {
+        let Some((at, octet)) = plan.joins_at else { continue };
+        let who = || Some(Which::Name(plan.name.clone()));
+        let volts = f64::from(plan.world.0.supply_mv) / 1e3;
+        let requests = std::iter::once(Request::Supply { encoder: who(), volts })
+            .chain(plan.starts.iter().map(|request| starts::for_encoder(request, &plan.name)))
+            .chain([Request::Join { encoder: who() }]);
+        events.extend(requests.map(|request| Event { at, octet, act: Act::Request(request) }));
+        plan.world.0.supply_mv = 0;
+        plan.starts.clear();
+        plan.joined = false;
+    }
+    events
 }
 
 /// A name that cannot be one; it was told.

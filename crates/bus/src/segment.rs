@@ -16,7 +16,7 @@ use crate::control::{self, Commands, Control};
 use crate::end::{End, EndError, Event, Note, Written};
 use crate::faults::{FaultCounters, Faults};
 use crate::line::{InStore, Line, Repliers, Waiting, characters, garbage, within};
-use crate::wire_tap::{Sight, WireTap};
+use crate::wire_tap::{self, Sight, WireTap};
 
 /// The rate by which bus times are counted at an end that has none.
 pub const DEFAULT_RATE: Baudrate = Baudrate::B500000;
@@ -204,6 +204,11 @@ impl<S: Station + RateListener> Segment<S> {
     /// Lets somebody listen, instead of whoever did before; `None`: nobody.
     pub fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
         self.line.tap = tap;
+    }
+
+    /// Somebody listens beside those who do.
+    pub fn add_tap(&mut self, tap: Box<dyn WireTap>) {
+        wire_tap::add(&mut self.line.tap, tap);
     }
 
     /// A way for other threads to reach this segment while it runs.

@@ -16,7 +16,7 @@ use crate::faults::{Character, FaultCounters, Faults, ReplyFault};
 use crate::line::{characters, is_ours, starts_ours};
 use crate::overheard::Overheard;
 use crate::stations::Stations;
-use crate::wire_tap::{Sight, WireTap};
+use crate::wire_tap::{self, Sight, WireTap};
 
 /// What a master hears after a request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -172,6 +172,11 @@ impl<S: Station> VirtualSegment<S> {
     /// Lets somebody listen, instead of whoever did before; `None`: nobody.
     pub fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
         self.tap = tap;
+    }
+
+    /// Somebody listens beside those who do.
+    pub fn add_tap(&mut self, tap: Box<dyn WireTap>) {
+        wire_tap::add(&mut self.tap, tap);
     }
 
     /// How often two stations answered at once.

@@ -52,6 +52,26 @@ pub enum Sight<'a> {
     MasterLeft,
 }
 
+/// Two who listen.
+#[derive(Debug)]
+struct Both([Box<dyn WireTap>; 2]);
+
+impl WireTap for Both {
+    fn saw(&mut self, at: Instant, sight: Sight<'_>) {
+        for tap in &mut self.0 {
+            tap.saw(at, sight);
+        }
+    }
+}
+
+/// One more who listens.
+pub(crate) fn add(there: &mut Option<Box<dyn WireTap>>, tap: Box<dyn WireTap>) {
+    *there = Some(match there.take() {
+        None => tap,
+        Some(first) => Box::new(Both([first, tap])),
+    });
+}
+
 impl FaultCounters {
     /// What was done since the counters stood as `before`.
     #[must_use]

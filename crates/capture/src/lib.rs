@@ -4,7 +4,7 @@
 //! |---|---|
 //! | [`packet`] | a telegram with its time, its direction and what there is to say about it |
 //! | [`assembler`] | telegrams out of octets that come in pieces |
-//! | [`recorder`] | takes what a segment's tap sees, and writes it on a thread of its own |
+//! | [`recorder`] | takes what a segment's tap sees, and writes it on a thread of its own, or gives it to whoever shows it |
 //! | [`writer`] | packets to a file |
 //! | [`reader`] | packets out of a file, whatever is in it |
 //!
@@ -22,5 +22,5 @@ pub mod writer;
 pub use assembler::Assembler;
 pub use packet::{Direction, LinkType, Packet};
 pub use reader::{ReadError, Reader};
-pub use recorder::{Recorder, Report, Settings, Tap};
+pub use recorder::{Listener, Recorder, Report, Settings, Tap};
 pub use writer::Writer;

@@ -3,6 +3,7 @@
 //! The segment copies octets to memory, no more. What the disk cannot take in time is counted, and the file
 //! says where it is missing.
 
+mod listener;
 mod words;
 
 use std::fmt;
@@ -20,6 +21,8 @@ use profibus_dp::time::{Baudrate, Instant};
 use crate::assembler::Assembler;
 use crate::packet::{Direction, Faults, LinkType, Packet};
 use crate::writer::Writer;
+
+pub use listener::Listener;
 
 /// How often what was seen goes to the file.
 const PERIOD: Duration = Duration::from_millis(20);
@@ -59,11 +62,12 @@ pub struct Recorder {
     thread: Option<JoinHandle<Report>>,
 }
 
-/// Who listens for a [`Recorder`].
+/// Who listens for a [`Recorder`] or a [`Listener`].
 #[derive(Debug)]
 pub struct Tap {
     shared: Arc<Shared>,
-    writer: std::thread::Thread,
+    /// Whoever waits for a store that fills up.
+    writer: Option<std::thread::Thread>,
     /// Nanoseconds between 1970 and the segment's zero.
     origin: Option<u64>,
     is_virtual: bool,
@@ -134,7 +138,7 @@ impl Recorder {
 
     /// Somebody who listens for it, on one segment.
     pub fn tap(&self) -> Tap {
-        let thread = self.writer.clone();
+        let thread = Some(self.writer.clone());
         let origin = self.is_virtual.then_some(0);
         Tap { shared: Arc::clone(&self.shared), writer: thread, origin, is_virtual: self.is_virtual }
     }
@@ -181,7 +185,7 @@ impl Tap {
         let event = Event { nanos: origin.saturating_add(at), octets: octets.len(), what };
         let mut store = self.shared.lock();
         while self.is_virtual && !store.closed && !store.has_room(octets.len()) {
-            self.writer.unpark();
+            self.wake();
             store = self.shared.room.wait(store).unwrap_or_else(PoisonError::into_inner);
         }
         if store.closed || !store.has_room(octets.len()) {
@@ -192,7 +196,13 @@ impl Tap {
         store.events.push(event);
         // Once, on the way to a full one: the writer comes by itself soon enough.
         if store.events.len() == MOST_EVENTS / 2 {
-            self.writer.unpark();
+            self.wake();
+        }
+    }
+
+    fn wake(&self) {
+        if let Some(writer) = &self.writer {
+            writer.unpark();
         }
     }
 }

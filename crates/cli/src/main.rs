@@ -13,6 +13,7 @@ mod datasheet;
 mod decode;
 mod demo;
 mod gsd;
+mod http;
 mod master;
 mod output;
 mod recording;

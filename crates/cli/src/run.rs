@@ -19,10 +19,12 @@ use sch108bex::nonvolatile::{Choice, Slot};
 use sch108bex::specification::{SerialNumber, Variant};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use web::Setup;
 
 use crate::Failure;
 use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
 use crate::gsd::Offer;
+use crate::http::Browser;
 use crate::output;
 use crate::recording::Capture;
 use crate::search::Searches;
@@ -35,7 +37,7 @@ use crate::thinning::Thinning;
 #[derive(Debug, Args)]
 pub(crate) struct Run {
     /// A scenario file: its segments on their ports, and its events in real time; docs/scenarios.md has
-    /// what stands in it. Beside it --control and --capture can be given
+    /// what stands in it. Beside it --control, --capture and --http can be given
     #[arg(value_name = "FILE", conflicts_with_all = ["port", "link", "baud", "pace", "switches", "bits", "ident",
         "gsd", "serial", "state", "reset_state", "shaft", "supply", "temperature", "light", "battery",
         "termination", "reply_limit", "max_tsdr", "further"])]
@@ -128,6 +130,8 @@ pub(crate) struct Run {
     /// serial, state, shaft, termination); what is not named is as with the first, but a state file is never shared. May be given many times
     #[arg(long = "encoder", value_name = "KEY=VALUE,...")]
     further: Vec<Further>,
+    #[command(flatten)]
+    http: Browser,
 }
 
 /// What the main thread waits for.
@@ -140,7 +144,7 @@ impl Run {
     /// Runs until it is told to end.
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(file) = &self.scenario {
-            return crate::scenario::live::run(file, self.control.as_ref(), &self.capture);
+            return crate::scenario::live::run(file, self.control.as_ref(), &self.capture, &self.http);
         }
         self.check_port()?;
         let (to_main, wakes) = mpsc::channel();
@@ -176,14 +180,20 @@ impl Run {
             output::line(&note);
         }
         plant.start_shafts().map_err(failed)?;
-        let end = to_main.clone();
-        let control = serve_control(self.control.as_ref(), plant.handle(), subscriptions, move || {
-            let _ = end.send(Wake::End);
-        })?;
+        let end = end_of(&to_main);
+        let control = serve_control(self.control.as_ref(), plant.handle(), subscriptions.clone(), end)?;
         tell_address(control.as_ref());
+        let http = self.http.serve(|| Setup {
+            kind: web::Kind::Run,
+            title: "Encoders for your master".to_owned(),
+            handle: plant.handle(),
+            subscriptions,
+            on_shutdown: Box::new(end_of(&to_main)),
+        })?;
         output::line("ready");
         drop(to_main);
         tell_until_end(&wakes);
+        drop(http);
         drop(control);
         plant.stop().map_err(failed).and(captures.end())
     }
@@ -291,6 +301,14 @@ impl Run {
         }
         own.parsed::<TerminationState>(Key::Termination).map_err(Failure::Usage)?;
         Ok((identity, shaft))
+    }
+}
+
+/// What ends the program in order.
+pub(crate) fn end_of(to_main: &Sender<Wake>) -> impl Fn() + Send + Sync + 'static {
+    let to_main = to_main.clone();
+    move || {
+        let _ = to_main.send(Wake::End);
     }
 }
 

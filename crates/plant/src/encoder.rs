@@ -201,6 +201,7 @@ impl EncoderStation {
             at: now,
             identity,
             switches: identity.switches,
+            termination: self.setup.termination,
             world: self.setup.world,
             shaft: self.setup.shaft.clone(),
             shaft_position,

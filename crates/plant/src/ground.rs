@@ -22,6 +22,7 @@ pub(crate) trait Ground {
     fn counters(&self) -> Counters;
     fn rate(&self) -> Option<Baudrate>;
     fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>);
+    fn add_tap(&mut self, tap: Box<dyn WireTap>);
 }
 
 impl Ground for Segment<EncoderStation> {
@@ -56,6 +57,10 @@ impl Ground for Segment<EncoderStation> {
     fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
         Segment::set_tap(self, tap);
     }
+
+    fn add_tap(&mut self, tap: Box<dyn WireTap>) {
+        Segment::add_tap(self, tap);
+    }
 }
 
 impl Ground for VirtualSegment<EncoderStation> {
@@ -89,6 +94,10 @@ impl Ground for VirtualSegment<EncoderStation> {
 
     fn set_tap(&mut self, tap: Option<Box<dyn WireTap>>) {
         VirtualSegment::set_tap(self, tap);
+    }
+
+    fn add_tap(&mut self, tap: Box<dyn WireTap>) {
+        VirtualSegment::add_tap(self, tap);
     }
 }
 

@@ -71,6 +71,13 @@ impl Handle {
         self.places.iter().flat_map(|place| &place.encoders).map(|encoder| encoder.name.as_str())
     }
 
+    /// The segments in the order they were added, each with the names of its encoders.
+    pub fn segments(&self) -> impl Iterator<Item = (&str, impl Iterator<Item = &str>)> {
+        self.places
+            .iter()
+            .map(|place| (place.name.as_str(), place.encoders.iter().map(|encoder| encoder.name.as_str())))
+    }
+
     /// The encoder with this number, counted from 0 over all segments.
     pub(crate) fn encoder(&self, number: usize) -> Option<Found<'_>> {
         let mut all = self.places.iter().flat_map(|place| {
@@ -89,6 +96,17 @@ impl Handle {
         let place = self.places().iter().find(|place| place.name == segment);
         let place = place.ok_or_else(|| PlantError::NoSegment(segment.to_owned()))?;
         place.ask(move |segment| segment.set_tap(tap))
+    }
+
+    /// Lets somebody listen to the segment with this name, beside those who do already.
+    ///
+    /// # Errors
+    ///
+    /// As for [`set_tap`](Self::set_tap).
+    pub fn add_tap(&self, segment: &str, tap: Box<dyn WireTap>) -> Result<(), PlantError> {
+        let place = self.places().iter().find(|place| place.name == segment);
+        let place = place.ok_or_else(|| PlantError::NoSegment(segment.to_owned()))?;
+        place.ask(move |segment| segment.add_tap(tap))
     }
 
     /// Everything as it is now.

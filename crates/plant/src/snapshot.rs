@@ -5,7 +5,7 @@ use profibus_dp::dp::State;
 use profibus_dp::fdl::Station;
 use profibus_dp::time::{Baudrate, Instant};
 use sch108bex::diagnostics::{Alarms, Warnings};
-use sch108bex::end_cap::RotarySwitches;
+use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
 use sch108bex::functionality::Functionality;
 use sch108bex::health::{Battery, OperatingTime};
 use sch108bex::parameterization::CodeSequence;
@@ -76,6 +76,8 @@ pub struct Snapshot {
     pub identity: Identity,
     /// Where its switches are; the device looks at them at power-on.
     pub switches: RotarySwitches,
+    /// Where its termination switches are.
+    pub termination: TerminationSwitches,
     /// What is around it.
     pub world: World,
     /// What turns it.

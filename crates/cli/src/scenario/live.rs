@@ -9,18 +9,25 @@ use plant::control::{ControlAddress, Subscriptions};
 use plant::scenario::{Act, EncoderPlan, Event, Scenario, SegmentPlan};
 use plant::{EncoderSetup, Handle, Plant, Rate, Report, SegmentSetup};
 use profibus_dp::fdl::BaudSetting;
+use web::Setup;
 
 use super::{Loaded, load};
 use crate::Failure;
+use crate::http::Browser;
 use crate::output;
 use crate::recording::Capture;
 use crate::run::{
-    Wake, end_on_signals, failed, forward_reports, note_on_address, note_on_state, serve_control,
+    end_of, end_on_signals, failed, forward_reports, note_on_address, note_on_state, serve_control,
     shared_addresses, tell_address, tell_until_end,
 };
 
 /// Runs until it is told to end.
-pub(crate) fn run(file: &Path, control: Option<&ControlAddress>, capture: &Capture) -> Result<(), Failure> {
+pub(crate) fn run(
+    file: &Path,
+    control: Option<&ControlAddress>,
+    capture: &Capture,
+    http: &Browser,
+) -> Result<(), Failure> {
     let Loaded { plan, .. } = load(file)?;
     let (to_main, wakes) = mpsc::channel();
     let subscriptions = Subscriptions::new();
@@ -46,15 +53,20 @@ pub(crate) fn run(file: &Path, control: Option<&ControlAddress>, capture: &Captu
         handle.apply(&start).map_err(failed)?;
     }
     plant.start_shafts().map_err(failed)?;
-    let end = to_main.clone();
-    let control = serve_control(control, handle.clone(), subscriptions, move || {
-        let _ = end.send(Wake::End);
-    })?;
+    let control = serve_control(control, handle.clone(), subscriptions.clone(), end_of(&to_main))?;
     tell_address(control.as_ref());
+    let http = http.serve(|| Setup {
+        kind: web::Kind::Scenario,
+        title: plan.title.clone(),
+        handle: handle.clone(),
+        subscriptions,
+        on_shutdown: Box::new(end_of(&to_main)),
+    })?;
     output::line("ready");
     drop(to_main);
     std::thread::spawn(move || play(&plan.events, &handle));
     tell_until_end(&wakes);
+    drop(http);
     drop(control);
     drop(links);
     plant.stop().map_err(failed).and(captures.end())

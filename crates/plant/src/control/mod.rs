@@ -26,7 +26,7 @@ pub use commands::{COMMANDS, CommandHelp};
 pub use envelope::{Envelope, RefusedLine, Reply};
 pub use event::{EVENT_KINDS, EventLine};
 pub use request::Request;
-pub use server::{ControlAddress, ControlAddressError, MOST_CONNECTIONS, MOST_OCTETS, Server};
+pub use server::{ControlAddress, ControlAddressError, MOST_CONNECTIONS, MOST_OCTETS, Server, Turns};
 pub(crate) use shafts::Couplings;
 pub use subscriptions::{Item, Subscription, Subscriptions};
 pub(crate) use surroundings::judge;

@@ -35,7 +35,7 @@ use crate::control::subscriptions::Subscriptions;
 use crate::handle::Handle;
 pub use address::{ControlAddress, ControlAddressError};
 use stream::{Listener, Stream};
-use turns::Turns;
+pub use turns::Turns;
 
 /// A longer line is no request.
 pub const MOST_OCTETS: usize = 65_536;

@@ -99,6 +99,12 @@ impl Subscription {
         }
     }
 
+    /// What waits now; nothing once it is closed.
+    pub fn take_waiting(&self) -> Vec<Item> {
+        let mut waiting = lock(&self.queue.waiting);
+        if waiting.closed { Vec::new() } else { waiting.items.drain(..).collect() }
+    }
+
     /// No more is wanted; what waits is dropped.
     pub fn close(&self) {
         let mut waiting = lock(&self.queue.waiting);

@@ -11,7 +11,7 @@ const EACH: Duration = Duration::from_micros(500);
 
 /// What clients wait for before each request, all of them together.
 #[derive(Debug)]
-pub(super) struct Turns(Mutex<Left>);
+pub struct Turns(Mutex<Left>);
 
 #[derive(Debug)]
 struct Left {
@@ -19,13 +19,20 @@ struct Left {
     since: Instant,
 }
 
+impl Default for Turns {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
 impl Turns {
-    pub(super) fn new() -> Self {
+    /// With all of them left.
+    pub fn new() -> Self {
         Self(Mutex::new(Left { count: MOST, since: Instant::now() }))
     }
 
     /// Waits for one, and takes it.
-    pub(super) fn take(&self) {
+    pub fn take(&self) {
         let mut left = self.0.lock().unwrap_or_else(PoisonError::into_inner);
         left.refill(Instant::now());
         while left.count == 0 {

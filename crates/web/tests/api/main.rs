@@ -1,0 +1,8 @@
+//! The API over loopback: a real server, a real socket, octets as a client sends them.
+
+#![allow(missing_docs, reason = "tests")]
+
+mod client;
+mod guard;
+mod limits;
+mod plain;

@@ -53,25 +53,22 @@ impl Overheard {
 
     /// Tells every station that has not heard it.
     pub(crate) fn tell_all<S: Station>(&mut self, stations: &mut Stations<S>) {
-        self.tell(stations, |_| true);
+        for at in 0..self.heard.len() {
+            self.tell(stations, at);
+        }
     }
 
-    /// Tells those whose deadline has come.
-    pub(crate) fn tell_due<S: Station>(&mut self, stations: &mut Stations<S>, now: Instant) {
-        self.tell(stations, |station| station.next_deadline().is_some_and(|deadline| deadline <= now));
-    }
-
-    fn tell<S: Station>(&mut self, stations: &mut Stations<S>, whom: impl Fn(&S) -> bool) {
+    /// Tells one station, unless it has heard it.
+    #[inline]
+    pub(crate) fn tell<S: Station>(&mut self, stations: &mut Stations<S>, station: usize) {
         let Self { octets, length, at, heard } = self;
-        let Parsed::Complete(telegram @ Telegram::Data(_), _) = telegram::parse(&octets[..*length]) else {
+        if *at <= heard[station] {
             return;
-        };
-        for (station, heard) in heard.iter_mut().enumerate() {
-            if *at > *heard && whom(&stations.as_slice()[station]) {
-                *heard = *at;
-                // It is not for this station, so there is no answer.
-                let _ = stations.call(station, |station| station.indicate(*at, &telegram));
-            }
+        }
+        if let Parsed::Complete(telegram @ Telegram::Data(_), _) = telegram::parse(&octets[..*length]) {
+            heard[station] = *at;
+            // It is not for this station, so there is no answer.
+            let _ = stations.call(station, |station| station.indicate(*at, &telegram));
         }
     }
 }

@@ -397,6 +397,7 @@ impl<S: Station + RateListener> Segment<S> {
             return Ok(());
         }
         let Some(octets) = stations.as_mut_slice()[at].transmit(within(window, now)) else {
+            stations.refresh(at);
             return Ok(());
         };
         if faults.is_active() {

@@ -4,7 +4,7 @@ use profibus_dp::Station;
 use profibus_dp::time::{Duration, Instant};
 use profibus_dp::wire::telegram::BROADCAST;
 
-/// A station whose deadline stays in the past is not polled more often than this.
+/// A station whose deadline stays in the past, whatever is done, is not polled more often than this.
 const LEAST_STEP: Duration = Duration::from_micros(100);
 
 /// "No station", in the lists by address.
@@ -19,7 +19,9 @@ pub(crate) struct Stations<S> {
     /// For each address its first station, and for each station the next of the same address.
     first: [u32; 128],
     next: Vec<u32>,
-    /// No station has a deadline before this.
+    /// For each station when it is to be polled; by itself, so that nobody walks through the stations.
+    due: Vec<Instant>,
+    /// No station is due before this.
     earliest: Instant,
 }
 
@@ -30,6 +32,7 @@ impl<S: Station> Stations<S> {
             addresses: Vec::new(),
             first: [NONE; 128],
             next: Vec::new(),
+            due: Vec::new(),
             earliest: Instant::MAX,
         }
     }
@@ -92,9 +95,9 @@ impl<S: Station> Stations<S> {
     #[inline]
     pub(crate) fn refresh(&mut self, at: usize) {
         let station = &self.list[at];
-        if let Some(deadline) = station.next_deadline() {
-            self.earliest = self.earliest.min(deadline);
-        }
+        let due = station.next_deadline().unwrap_or(Instant::MAX);
+        self.due[at] = due;
+        self.earliest = self.earliest.min(due);
         if station.address() != self.addresses[at] {
             self.enter_all();
         }
@@ -102,6 +105,8 @@ impl<S: Station> Stations<S> {
 
     /// Sees to what calls into any stations may have changed.
     pub(crate) fn refresh_all(&mut self) {
+        self.due.clear();
+        self.due.extend(self.list.iter().map(|station| station.next_deadline().unwrap_or(Instant::MAX)));
         self.find_earliest();
         self.enter_all();
     }
@@ -115,17 +120,30 @@ impl<S: Station> Stations<S> {
     /// Polls the stations whose time has come.
     #[cold]
     pub(crate) fn poll(&mut self, now: Instant) {
+        self.each_due(now, |stations, at| stations.call(at, |station| station.poll(now)));
+    }
+
+    /// Whether a station is to be polled.
+    pub(crate) fn is_due(&self, at: usize, now: Instant) -> bool {
+        self.due[at] <= now
+    }
+
+    /// The stations whose time has come, to be polled, each exactly at its deadline where `now` is
+    /// [`earliest`](Self::earliest).
+    pub(crate) fn each_due(&mut self, now: Instant, mut call: impl FnMut(&mut Self, usize)) {
         for at in 0..self.list.len() {
-            if self.list[at].next_deadline().is_some_and(|deadline| deadline <= now) {
-                self.call(at, |station| station.poll(now));
+            if self.due[at] <= now {
+                call(self, at);
+                if self.due[at] <= now {
+                    self.due[at] = now + LEAST_STEP;
+                }
             }
         }
         self.find_earliest();
-        self.earliest = self.earliest.max(now + LEAST_STEP);
     }
 
     fn find_earliest(&mut self) {
-        self.earliest = self.list.iter().filter_map(Station::next_deadline).min().unwrap_or(Instant::MAX);
+        self.earliest = self.due.iter().copied().min().unwrap_or(Instant::MAX);
     }
 
     #[cold]

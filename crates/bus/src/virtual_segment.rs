@@ -371,11 +371,13 @@ impl<S: Station> VirtualSegment<S> {
     /// Octets on the line from `start` on; everybody but `sender` hears them. `failing`: whole telegrams
     /// may still be lost or doubled.
     fn put_on_line(&mut self, start: Instant, octets: &[u8], sender: Option<usize>, failing: bool) {
-        let end = start + self.rate.duration(characters(octets.len()));
-        let undisturbed = self.stations.earliest() > end && !self.unfinished;
-        if undisturbed && is_one_telegram(octets) && self.all_are_tuned() {
-            self.clock.advance_to(end);
-            self.one_telegram(octets, sender, failing);
+        if !self.unfinished && is_one_telegram(octets) && self.all_are_tuned() {
+            let end = start + self.rate.duration(characters(octets.len()));
+            if self.advance_in_tune(end) {
+                self.one_telegram(octets, sender, failing);
+            } else {
+                self.octet_by_octet(start, octets, sender, failing);
+            }
         } else {
             self.octet_by_octet(start, octets, sender, failing);
         }
@@ -420,12 +422,18 @@ impl<S: Station> VirtualSegment<S> {
         self.unfinished = !ended;
     }
 
+    /// Octets of which each is heard as it ends; those that have ended already were heard by all.
     #[cold]
     fn octet_by_octet(&mut self, start: Instant, octets: &[u8], sender: Option<usize>, failing: bool) {
         self.listen_closely();
         for (at, octet) in octets.iter().enumerate() {
             // From the start each time, so that nothing is rounded twice.
-            self.advance_to(start + self.rate.duration(characters(at + 1)));
+            let end = start + self.rate.duration(characters(at + 1));
+            if end < self.now() {
+                self.unfinished = !self.receiver.receive(end, &[*octet], |_, _| {});
+                continue;
+            }
+            self.advance_to(end);
             self.one_octet(*octet, sender, failing);
         }
         self.overheard.all_heard(self.clock.now());
@@ -509,12 +517,38 @@ impl<S: Station> VirtualSegment<S> {
     #[inline]
     fn advance_to(&mut self, until: Instant) {
         while self.stations.earliest() <= until {
-            self.clock.advance_to(self.stations.earliest());
-            self.overheard.tell_due(&mut self.stations, self.clock.now());
-            self.stations.poll(self.clock.now());
-            self.all_tuned = false;
+            self.poll();
         }
         self.clock.advance_to(until);
+    }
+
+    /// The same, but stops where a station begins to listen at another rate, and says whether none did.
+    #[inline]
+    fn advance_in_tune(&mut self, until: Instant) -> bool {
+        while self.stations.earliest() <= until {
+            self.poll();
+            if !self.all_tuned {
+                return false;
+            }
+        }
+        self.clock.advance_to(until);
+        true
+    }
+
+    /// Goes on to the earliest deadline.
+    #[cold]
+    fn poll(&mut self) {
+        let Self { stations, clock, overheard, all_tuned, rate, .. } = self;
+        clock.advance_to(stations.earliest());
+        let now = clock.now();
+        stations.each_due(now, |stations, at| {
+            overheard.tell(stations, at);
+            // What it has heard may have put its deadline off.
+            if stations.is_due(at, now) {
+                stations.call(at, |station| station.poll(now));
+            }
+            *all_tuned &= stations.as_slice()[at].listening_rate() == *rate;
+        });
     }
 }
 

@@ -99,12 +99,50 @@ fn a_station_hears_of_the_bus_before_its_deadline() {
     bus.wait(Duration::from_millis(10));
     assert_eq!(bus.stations()[1].heard, [ended]);
     assert_eq!(bus.stations()[1].polls.len(), 1);
-    // In the middle of a telegram too: then every station hears it as it ends.
+    // In the middle of a telegram too: that one has not ended yet.
     let early = Instant::from_millis(20) - Baudrate::B500000.duration(BitTimes(60));
     bus.wait(early.since(bus.now()));
     bus.send_only(&STATUS_11);
-    assert_eq!(bus.stations()[1].polls.len(), 2);
-    assert_eq!(bus.stations()[1].heard, [ended, bus.now()]);
+    assert_eq!(bus.stations()[1].polls, [Instant::from_millis(10), Instant::from_millis(20)]);
+    assert_eq!(bus.stations()[1].heard, [ended]);
+    let ended_again = bus.now();
+    bus.wait(Duration::from_millis(10));
+    assert_eq!(bus.stations()[1].heard, [ended, ended_again]);
+}
+
+// Six octets of 22 us. What ends before it changes it has heard, the third to sixth it cannot read.
+#[test]
+fn a_station_that_changes_its_rate_within_a_telegram_hears_errors_from_there_on() {
+    let mut bus = segment(Baudrate::B500000);
+    bus.add(Listener::at(11));
+    bus.add(Listener::at(12).polled_every(Duration::from_millis(1)));
+    bus.stations_mut()[1].retunes_to = Some(Baudrate::B93750);
+    bus.wait(Duration::from_micros(1_000 - 50));
+    bus.send_more(&STATUS_11);
+    assert_eq!((bus.stations()[1].polls.len(), bus.stations()[1].line_errors), (1, 4));
+    assert_eq!((bus.stations()[0].heard.len(), bus.stations()[0].line_errors), (1, 0));
+    let ended = bus.now();
+    assert_eq!(ended, Instant::from_micros(950 + 6 * 22));
+    let Reply { octets, start, .. } = reply(bus.listen());
+    assert_eq!((octets, start), (&STATUS_11_ANSWER[..], ended + Baudrate::B500000.duration(BitTimes(11))));
+    assert_eq!(bus.stations()[1].line_errors, 10, "nor the answer");
+    assert!(bus.stations()[1].heard.is_empty());
+}
+
+#[test]
+fn deadlines_are_kept_to_the_nanosecond_however_close_they_are() {
+    let mut bus = segment(Baudrate::B500000);
+    for nanos in [1_000_000, 1_000_001, 1_003_000] {
+        bus.add(Listener::at(11).polled_every(Duration::from_nanos(nanos)));
+    }
+    // One that never has enough does not hold up the others, nor time.
+    bus.add(Listener::at(12).polled_every(Duration::ZERO));
+    bus.wait(Duration::from_micros(2_500));
+    for (station, nanos) in bus.stations().iter().zip([1_000_000, 1_000_001, 1_003_000]) {
+        assert_eq!(station.polls, [1, 2].map(|count| Instant::from_nanos(count * nanos)));
+    }
+    let often: Vec<_> = (0..=25).map(|count| Instant::from_micros(count * 100)).collect();
+    assert_eq!(bus.stations()[3].polls, often);
 }
 
 #[test]

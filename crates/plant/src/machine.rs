@@ -119,6 +119,14 @@ impl Machine {
         }
     }
 
+    /// The most turns for one unit at any place: with a drum, those of the first layer.
+    pub(crate) fn most_turns_per_unit(&self) -> f64 {
+        match self.drum {
+            Some(drum) => drum.lines / drum.around(0),
+            None => (1.0 / self.per_turn.unwrap_or(1.0)).abs(),
+        }
+    }
+
     /// The units at a physical position, turns included.
     #[expect(clippy::cast_precision_loss, reason = "positions stay far below 2^53")]
     pub fn position(&self, raw: i64, variant: Variant) -> f64 {

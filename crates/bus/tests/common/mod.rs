@@ -38,6 +38,8 @@ pub(crate) struct Listener {
     pub(crate) slow: Time,
     /// Handing out the answer changes the address to this.
     pub(crate) moves_to: Option<u8>,
+    /// The next poll lets it listen at this rate.
+    pub(crate) retunes_to: Option<Baudrate>,
     window: Option<Window>,
     answer: [u8; 6],
     deadline: Option<Instant>,
@@ -57,6 +59,7 @@ impl Listener {
             every: None,
             slow: Time::ZERO,
             moves_to: None,
+            retunes_to: None,
             window: None,
             answer: [0; 6],
             deadline: None,
@@ -118,6 +121,7 @@ impl Station for Listener {
 
     fn poll(&mut self, now: Instant) {
         self.polls.push(now);
+        self.rate = self.retunes_to.take().unwrap_or(self.rate);
         if let (Some(deadline), Some(every)) = (self.deadline, self.every) {
             self.deadline = Some(deadline + every);
         }

@@ -12,9 +12,6 @@ use crate::report::What;
 use crate::world::World;
 use crate::world::model::{Cell, Led, SupplyProfile, Thermal, WorldModel};
 
-/// Too fast for the encoder (manual 6).
-const TOO_FAST: i64 = SHAFT_SPEED_MAX_RPM as i64;
-
 /// A shaft that was too fast is not any more below this.
 const SLOW_AGAIN: f64 = 0.99 * SHAFT_SPEED_MAX_RPM as f64;
 
@@ -131,7 +128,7 @@ impl EncoderStation {
     /// Whether the speed has to be watched.
     #[inline]
     pub(super) fn may_be_too_fast(&self) -> bool {
-        self.too_fast || self.setup.shaft.may_exceed(TOO_FAST)
+        self.too_fast || self.setup.shaft.may_exceed(SHAFT_SPEED_MAX_RPM)
     }
 
     /// Why it is not as it should be: everything around it that is out of the ordinary.

@@ -55,7 +55,11 @@ pub(super) struct Plan {
     pub(super) machine: Option<Machine>,
     /// Turns of the encoder for one of the machine's, as a fraction.
     pub(super) gear: (i64, i64),
+    /// The same as a number.
+    ratio: f64,
     pub(super) overlay: Overlay,
+    /// It never turns faster than so many turns a second.
+    fastest: f64,
     /// Where the encoder is at the start of each piece, with play: the first time and later ones.
     slack: [Vec<f64>; 2],
     /// As a user writes it.
@@ -91,7 +95,10 @@ impl Plan {
         overlay: Overlay,
         text: String,
     ) -> Self {
-        let mut plan = Self { path, machine, gear, overlay, slack: [const { Vec::new() }; 2], text };
+        let ratio = gear.0 as f64 / gear.1 as f64;
+        let slack = [const { Vec::new() }; 2];
+        let mut plan = Self { path, machine, gear, ratio, overlay, fastest: 0.0, slack, text };
+        plan.fastest = plan.fastest();
         if overlay.half_play > 0.0 {
             plan.slack = plan.slacks();
         }
@@ -106,7 +113,7 @@ impl Plan {
             Path::Turning(_) => (vec![0.0], false),
             Path::Walk(_) => return [const { Vec::new() }; 2],
         };
-        let starts: Vec<_> = starts.into_iter().map(|units| self.turned(units, 0.0).0).collect();
+        let starts: Vec<_> = starts.into_iter().map(|units| self.turned::<false>(units, 0.0).0).collect();
         let mut at = starts.first().copied().unwrap_or(0.0);
         let mut once = || -> Vec<f64> {
             let through = starts.iter().map(|&turns| {
@@ -120,16 +127,36 @@ impl Plan {
         [first, later]
     }
 
-    /// Turns of the encoder, and turns a second, from what the path is in.
-    fn turned(&self, units: f64, speed: f64) -> (f64, f64) {
-        let gear = self.gear.0 as f64 / self.gear.1 as f64;
+    /// Turns of the encoder, and with `SPEED` turns a second, from what the path is in.
+    #[inline]
+    fn turned<const SPEED: bool>(&self, units: f64, speed: f64) -> (f64, f64) {
         match &self.machine {
-            None => (units * gear, speed * gear),
+            None => (units * self.ratio, speed * self.ratio),
             Some(machine) => {
-                let ratio = machine.turns_per_unit(units);
-                (machine.turns(units) * gear, speed * ratio * gear)
+                let turns = machine.turns(units) * self.ratio;
+                if !SPEED {
+                    return (turns, 0.0);
+                }
+                (turns, speed * machine.turns_per_unit(units) * self.ratio)
             }
         }
+    }
+
+    /// A bound of the speed, in turns of the encoder a second.
+    fn fastest(&self) -> f64 {
+        /// What roundings, and the series of the sine, may add.
+        const ALLOWANCE: f64 = 1.0 + 1e-9;
+        let around = |amplitude: f64, period| circling(amplitude, period).abs();
+        let path = match &*self.path {
+            Path::Turning(micro) => (*micro as f64 / 60e6).abs(),
+            Path::Pieces(pieces) => pieces.fastest(),
+            Path::Sine { amplitude, period } => around(*amplitude, *period),
+            Path::Walk(walk) => walk.fastest(),
+        };
+        let machine = self.machine.as_ref().map_or(1.0, Machine::most_turns_per_unit);
+        let vibration =
+            self.overlay.vibration.map_or(0.0, |shaking| around(shaking.amplitude, shaking.period));
+        (path * machine * self.ratio.abs() + vibration) * ALLOWANCE
     }
 }
 
@@ -145,34 +172,46 @@ impl Moving {
         Self { plan: Arc::new(plan), cursor: Cursor::default() }
     }
 
+    /// It never turns faster than so many revolutions per minute.
+    #[inline]
+    pub(super) fn most_rpm(&self) -> f64 {
+        self.plan.fastest * 60.0
+    }
+
     /// Turns from the start, and turns a second, after so many nanoseconds.
     pub(super) fn after(&mut self, nanos: u64) -> (f64, f64) {
+        self.look::<true>(nanos)
+    }
+
+    /// The same; without `SPEED`, whose speed is then none, in half the time.
+    #[inline]
+    fn look<const SPEED: bool>(&mut self, nanos: u64) -> (f64, f64) {
         let Self { plan, cursor } = self;
         let overlay = plan.overlay;
         let (near, speed, far) = match &*plan.path {
             Path::Turning(micro) => {
                 let turns = (i128::from(*micro) * i128::from(nanos)) as f64 / (60.0 * SECOND * 1e6);
-                let (turns, speed) = plan.turned(turns, *micro as f64 / 60e6);
+                let (turns, speed) = plan.turned::<SPEED>(turns, *micro as f64 / 60e6);
                 (turns, speed, plan.slack[0].first().copied())
             }
             Path::Pieces(pieces) => {
                 let (repetition, piece, into) = pieces.find(nanos, cursor.piece);
                 cursor.piece = piece;
                 let (units, speed) = pieces.look(piece, into);
-                let (turns, speed) = plan.turned(units, speed);
+                let (turns, speed) = plan.turned::<SPEED>(units, speed);
                 (turns, speed, plan.slack[usize::from(repetition > 0)].get(piece).copied())
             }
             Path::Sine { amplitude, period } => {
                 let phase = (nanos % period) as f64 / *period as f64;
-                let around = 2.0 * std::f64::consts::PI * amplitude * SECOND / *period as f64;
-                let (turns, speed) = plan.turned(amplitude * sine(phase), around * sine(phase + 0.25));
+                let speed = if SPEED { circling(*amplitude, *period) * sine(phase + 0.25) } else { 0.0 };
+                let (turns, speed) = plan.turned::<SPEED>(amplitude * sine(phase), speed);
                 let piece = usize::from(phase >= 0.25) + usize::from(phase >= 0.75);
                 (turns, speed, plan.slack[usize::from(nanos >= *period)].get(piece).copied())
             }
             Path::Walk(walk) => {
-                let follow = |far, turns| overlay.follow(far, plan.turned(turns, 0.0).0);
+                let follow = |far, turns| overlay.follow(far, plan.turned::<false>(turns, 0.0).0);
                 let (turns, speed) = walk.after(nanos, &mut cursor.walked, follow);
-                let (turns, speed) = plan.turned(turns, speed);
+                let (turns, speed) = plan.turned::<SPEED>(turns, speed);
                 (turns, speed, Some(cursor.walked.far))
             }
         };
@@ -184,24 +223,40 @@ impl Moving {
         };
         match overlay.vibration {
             None => (turns, speed),
-            Some(vibration) => vibration.on_top(nanos, turns, speed),
+            Some(vibration) => vibration.on_top::<SPEED>(nanos, turns, speed),
         }
     }
 
     /// Counts from the start.
     #[inline]
-    #[expect(clippy::cast_possible_truncation, reason = "saturates")]
     pub(super) fn counts(&mut self, nanos: u64, steps: u32) -> i64 {
-        (self.after(nanos).0 * f64::from(steps) + ALMOST).floor() as i64
+        floor(self.look::<false>(nanos).0 * f64::from(steps) + ALMOST)
     }
 }
 
+/// The whole number at or below; saturates, and what is no number is 0. A mathematical library is asked for
+/// that where the processor's instruction may not be there, which costs more than the rest.
+#[inline]
+#[expect(clippy::cast_possible_truncation, reason = "saturates")]
+fn floor(number: f64) -> i64 {
+    let towards_0 = number as i64;
+    towards_0.saturating_sub(i64::from(towards_0 as f64 > number))
+}
+
 impl Vibration {
-    fn on_top(&self, nanos: u64, turns: f64, speed: f64) -> (f64, f64) {
+    fn on_top<const SPEED: bool>(&self, nanos: u64, turns: f64, speed: f64) -> (f64, f64) {
         let phase = (nanos % self.period) as f64 / self.period as f64;
-        let around = 2.0 * std::f64::consts::PI * self.amplitude * SECOND / self.period as f64;
-        (turns + self.amplitude * sine(phase), speed + around * sine(phase + 0.25))
+        let turns = turns + self.amplitude * sine(phase);
+        if !SPEED {
+            return (turns, 0.0);
+        }
+        (turns, speed + circling(self.amplitude, self.period) * sine(phase + 0.25))
     }
+}
+
+/// The highest speed of a sine, a second, with this period in nanoseconds.
+fn circling(amplitude: f64, period: u64) -> f64 {
+    2.0 * std::f64::consts::PI * amplitude * SECOND / period as f64
 }
 
 /// The sine of a part of a full circle from 0 to 1.25, to within 1e-13.

@@ -43,6 +43,23 @@ impl Piece {
     }
 }
 
+impl Piece {
+    /// The highest speed within so many nanoseconds, or ever.
+    fn fastest(&self, length: Option<u64>) -> f64 {
+        let steady = self.half == 0.0 && self.sixth == 0.0;
+        let length = match length {
+            Some(length) => length as f64 / SECOND,
+            None if steady => 0.0,
+            None => return f64::INFINITY,
+        };
+        let speed = |t: f64| (self.speed + t * (2.0 * self.half + t * 3.0 * self.sixth)).abs();
+        // Where its slope is 0, if that is within.
+        let vertex = -self.half / (3.0 * self.sixth);
+        let within = if vertex > 0.0 && vertex < length { speed(vertex) } else { 0.0 };
+        speed(0.0).max(speed(length)).max(within)
+    }
+}
+
 impl Pieces {
     /// Standing still at 0 from the start.
     pub(super) fn new() -> Self {
@@ -161,6 +178,13 @@ impl Pieces {
     #[inline]
     pub(super) fn look(&self, at: usize, into: u64) -> (f64, f64) {
         self.list[at].after(into)
+    }
+
+    /// The highest speed there is, either way.
+    pub(super) fn fastest(&self) -> f64 {
+        let ends = self.list.iter().skip(1).map(|next| Some(next.start)).chain([self.period]);
+        let pieces = self.list.iter().zip(ends);
+        pieces.map(|(piece, end)| piece.fastest(end.map(|end| end - piece.start))).fold(0.0, f64::max)
     }
 
     /// Where each piece begins, and whether they repeat.

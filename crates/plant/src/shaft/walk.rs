@@ -45,6 +45,11 @@ impl Walk {
         self.step
     }
 
+    /// The highest speed there is, either way, in turns a second.
+    pub(super) fn fastest(&self) -> f64 {
+        (self.step * SECOND / self.span as f64).abs()
+    }
+
     /// Position and speed. `follow` says where the far side of the play is after each span.
     pub(super) fn after(
         &self,

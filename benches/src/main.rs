@@ -5,6 +5,8 @@
 mod demo_cycle;
 mod device;
 mod echo;
+mod fleet;
+mod late;
 mod over_limit;
 mod processes;
 mod telegrams;
@@ -17,13 +19,20 @@ fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let printed = match words.as_slice() {
-        ["echo"] => echo::serve().map(|()| String::new()),
+        ["echo", count] => count
+            .parse()
+            .map_err(|_| format!("{count} is no number of PTYs."))
+            .and_then(|count| echo::serve(count).map(|()| String::new())),
         ["over-limit"] => over_limit::ratio().map(|ratio| format!("{ratio:.3}\n")),
         ["round-trip"] => processes::round_trip_ratio().map(|ratio| format!("{ratio:.3}\n")),
         ["demo-cycle"] => demo_cycle::measure().map(|cycle| format!("{:.3}\n", cycle.ours)),
         ["demo-cycle-ratio"] => {
             demo_cycle::measure().map(|cycle| format!("{:.3}\n", cycle.ours / cycle.theirs))
         }
+        ["bus-125"] => fleet::times_real_time().map(|times| format!("{times:.1}\n")),
+        ["cost-ratio"] => fleet::cost_ratio().map(|ratio| format!("{ratio:.3}\n")),
+        ["encoder-memory"] => fleet::memory().map(|kib| format!("{kib:.2}\n")),
+        ["late"] => late::late_answers().map(|late| format!("{late:.1}\n")),
         ["help"] => processes::help().map(|ms| format!("{ms:.2}\n")),
         ["start"] => processes::start_to_ready().map(|ms| format!("{ms:.2}\n")),
         ["ram"] => Ok(format!("{}\n", device::ram())),

@@ -1,6 +1,7 @@
 //! Figures of whole processes: the program as a user starts it, and the bare echo.
 
 use std::env;
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdout, Command, Stdio};
@@ -15,28 +16,29 @@ use crate::tty::Port;
 const STARTS: usize = 15;
 const RUNS: usize = 9;
 const TURNS: usize = 4000;
-/// What the four telegrams of the start-up are answered with: the short diagnosis, E5, E5, the long one.
-const START_UP_ANSWERS: [usize; 4] = [27, 1, 1, 68];
+/// What the four telegrams of the start-up are answered with in class 2: the short diagnosis, E5, E5, the long one.
+pub(crate) const START_UP_ANSWERS: [usize; 4] = [27, 1, 1, 68];
 
-/// A process with a PTY, ended when this goes.
-struct Server {
+/// A process with PTYs, ended when this goes.
+pub(crate) struct Server {
     process: Child,
     /// Kept open, so that the process can go on printing.
     _output: BufReader<ChildStdout>,
-    bus: PathBuf,
+    /// Its PTYs, in the order in which it names them.
+    pub(crate) buses: Vec<PathBuf>,
     /// From the start to `ready`.
     milliseconds: f64,
 }
 
 impl Server {
     /// Starts a program and waits for its `ready`.
-    fn start(program: &Path, words: &[&str]) -> Result<Self, String> {
+    pub(crate) fn start(program: &Path, words: &[&str]) -> Result<Self, String> {
         let started = Instant::now();
         let mut command = Command::new(program);
         command.args(words).stdin(Stdio::null()).stdout(Stdio::piped());
         let mut process = command.spawn().map_err(|error| format!("{}: {error}.", program.display()))?;
         let mut output = BufReader::new(process.stdout.take().ok_or("no standard output")?);
-        let mut bus = PathBuf::new();
+        let mut buses = Vec::new();
         loop {
             let mut line = String::new();
             let read =
@@ -46,19 +48,41 @@ impl Server {
                 let _ = process.wait();
                 return Err(format!("{} {} ended before it was ready.", program.display(), words.join(" ")));
             }
-            match line.trim().split_once("bus: ") {
-                Some(("", place)) => bus = place.into(),
+            match line.trim().split_once(": ") {
+                Some((_, place)) if place.starts_with("/dev/") => buses.push(place.into()),
                 _ if line.trim() == "ready" => break,
                 _ => {}
             }
         }
         let milliseconds = started.elapsed().as_secs_f64() * 1e3;
-        Ok(Self { process, _output: output, bus, milliseconds })
+        Ok(Self { process, _output: output, buses, milliseconds })
     }
 
     /// The program `sch108bex`, built into the same folder as this one.
-    fn encoder(words: &[&str]) -> Result<Self, String> {
+    pub(crate) fn encoder(words: &[&str]) -> Result<Self, String> {
         Self::start(&own_path()?.with_file_name("sch108bex"), words)
+    }
+
+    /// The bare echo, on so many PTYs.
+    pub(crate) fn echo(count: usize) -> Result<Self, String> {
+        Self::start(&own_path()?, &["echo", &count.to_string()])
+    }
+
+    /// The only PTY.
+    fn port(&self) -> Result<Port, String> {
+        Port::open(self.buses.first().ok_or("The program names no PTY.")?)
+    }
+
+    /// How many seconds it has had a processor.
+    pub(crate) fn on_processor(&self) -> Result<f64, String> {
+        /// Ticks in a second, on every Linux.
+        const TICKS: f64 = 100.0;
+        let path = format!("/proc/{}/stat", self.process.id());
+        let stat = fs::read_to_string(&path).map_err(|error| format!("{path}: {error}."))?;
+        // The name of the program ends with the only parenthesis; utime is field 14, stime field 15.
+        let fields = stat.rsplit_once(") ").map(|(_, fields)| fields.split(' ')).into_iter().flatten();
+        let ticks: Vec<f64> = fields.skip(11).take(2).filter_map(|field| field.parse().ok()).collect();
+        Ok(ticks.iter().sum::<f64>() / TICKS)
     }
 }
 
@@ -142,7 +166,7 @@ impl Places {
     }
 }
 
-fn no_places(error: rustix::io::Errno) -> String {
+pub(crate) fn no_places(error: rustix::io::Errno) -> String {
     format!("Processes cannot be kept on their processors: {error}.")
 }
 
@@ -151,7 +175,7 @@ fn encoder_turn(places: &Places) -> Result<f64, String> {
     let switches = format!("{ADDRESS:02X}");
     let encoder =
         places.start(|| Server::encoder(&["run", "--switches", &switches, "--shaft", "constant:60"]))?;
-    let mut port = Port::open(&encoder.bus)?;
+    let mut port = encoder.port()?;
     let start_up = start_up(Functionality::Class2);
     for (request, length) in start_up.iter().zip(START_UP_ANSWERS) {
         port.turn(request.as_slice(), &mut [0; 255][..length])?;
@@ -161,8 +185,8 @@ fn encoder_turn(places: &Places) -> Result<f64, String> {
 
 /// The median turn with a bare echo.
 fn echo_turn(places: &Places) -> Result<f64, String> {
-    let echo = places.start(|| Server::start(&own_path()?, &["echo"]))?;
-    median_turn(&mut Port::open(&echo.bus)?)
+    let echo = places.start(|| Server::echo(1))?;
+    median_turn(&mut echo.port()?)
 }
 
 /// The median of many turns, in microseconds.

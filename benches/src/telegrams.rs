@@ -11,8 +11,8 @@ pub(crate) const FCB: [u8; 2] = [0x5d, 0x7d];
 
 /// Units a revolution and in all: scaling as it is used, neither a power of two, and 32768 turns
 /// more than the range.
-const MEASURING_UNITS: u32 = 3_600;
-const MEASURING_RANGE: u32 = 100_000_000;
+pub(crate) const MEASURING_UNITS: u32 = 3_600;
+pub(crate) const MEASURING_RANGE: u32 = 100_000_000;
 
 /// A telegram of at most 255 octets.
 #[derive(Debug, Clone, Copy)]
@@ -84,11 +84,10 @@ impl Functionality {
     }
 }
 
-/// What brings the encoder to data exchange: diagnosis, parameters, configuration, diagnosis.
+/// Set_Prm from its first octet on, and Chk_Cfg.
 ///
-/// The watchdog is on, at 100 s. The last of the four leaves the FCB so that [`exchange`]
-/// begins with the first of [`FCB`].
-pub(crate) fn start_up(functionality: Functionality) -> [Octets; 4] {
+/// The watchdog is on, at 100 s.
+pub(crate) fn parameters(functionality: Functionality) -> ([u8; 26], usize, &'static [u8]) {
     // Lock and watchdog; its factors; min T_SDR; ident; group; the slave ASIC's octet; class 2
     // with scaling, counter-clockwise: a shaft that turns clockwise from 0 is at the end of the
     // physical range, where the position is beyond the measuring range and has to be divided.
@@ -97,21 +96,38 @@ pub(crate) fn start_up(functionality: Functionality) -> [Octets; 4] {
     parameters[9..13].copy_from_slice(&MEASURING_UNITS.to_be_bytes());
     parameters[13..17].copy_from_slice(&MEASURING_RANGE.to_be_bytes());
     parameters[25] = 3; // Time base RPM, the dearest.
-    let (length, configuration): (usize, &[u8]) = match functionality {
-        Functionality::Class2 => (25, &[0xf1]),
-        Functionality::Scancon20 => (26, &[0xf1, 0xd1, 0xd1]),
-    };
+    match functionality {
+        Functionality::Class2 => (parameters, 25, &[0xf1]),
+        Functionality::Scancon20 => (parameters, 26, &[0xf1, 0xd1, 0xd1]),
+    }
+}
+
+/// What brings the encoder to data exchange: diagnosis, parameters, configuration, diagnosis.
+///
+/// The last of the four leaves the FCB so that [`exchange`] begins with the first of [`FCB`].
+pub(crate) fn start_up(functionality: Functionality) -> [Octets; 4] {
+    start_up_at(ADDRESS, functionality)
+}
+
+/// The same for an encoder with another address.
+pub(crate) fn start_up_at(address: u8, functionality: Functionality) -> [Octets; 4] {
+    let (parameters, length, configuration) = parameters(functionality);
     [
-        sd2(ADDRESS, FIRST, Some([60, 62]), &[]),
-        sd2(ADDRESS, FCB[0], Some([61, 62]), &parameters[..length]),
-        sd2(ADDRESS, FCB[1], Some([62, 62]), configuration),
-        sd2(ADDRESS, FIRST, Some([60, 62]), &[]),
+        sd2(address, FIRST, Some([60, 62]), &[]),
+        sd2(address, FCB[0], Some([61, 62]), &parameters[..length]),
+        sd2(address, FCB[1], Some([62, 62]), configuration),
+        sd2(address, FIRST, Some([60, 62]), &[]),
     ]
 }
 
 /// A Data_Exchange with outputs 0, for the one FCB and for the other.
 pub(crate) fn exchange() -> [Octets; 2] {
-    FCB.map(|function_code| sd2(ADDRESS, function_code, None, &[0; 4]))
+    exchange_at(ADDRESS)
+}
+
+/// The same with an encoder at another address.
+pub(crate) fn exchange_at(address: u8) -> [Octets; 2] {
+    FCB.map(|function_code| sd2(address, function_code, None, &[0; 4]))
 }
 
 /// A telegram for another station: as short as they come.

@@ -3,7 +3,7 @@
 use std::fmt::Write as _;
 use std::fs;
 
-use crate::measure::{ABSENT, Source, measure};
+use crate::measure::{ABSENT, Limit, Source, measure};
 use crate::project::Project;
 use crate::setup::Tools;
 use crate::steps::Run;
@@ -14,39 +14,50 @@ use crate::tally::Tally;
 struct Figure {
     name: &'static str,
     unit: &'static str,
-    limit: Option<f64>,
+    limit: Limit,
     source: Source,
 }
 
-const fn figure(name: &'static str, unit: &'static str, limit: Option<f64>, source: Source) -> Figure {
+const fn figure(name: &'static str, unit: &'static str, limit: Limit, source: Source) -> Figure {
     Figure { name, unit, limit, source }
 }
 
-const FIGURES: [Figure; 19] = [
-    figure("data_exchange_4_in_instructions", "instructions", Some(320.0), Source::Callgrind("exchange-4")),
-    figure("data_exchange_12_in_instructions", "instructions", Some(340.0), Source::Callgrind("exchange-12")),
-    figure("sample_instructions", "instructions", None, Source::Callgrind("sample")),
-    figure("data_exchange_4_in_over_limit", "ratio", Some(3.0), Source::Timed("over-limit")),
-    figure("foreign_telegram_6_instructions", "instructions", Some(90.0), Source::Callgrind("foreign-6")),
+use Limit::{AtLeast, AtMost, Unlimited};
+
+const FIGURES: [Figure; 23] = [
+    figure("data_exchange_4_in_instructions", "instructions", AtMost(320.0), Source::Callgrind("exchange-4")),
+    figure(
+        "data_exchange_12_in_instructions",
+        "instructions",
+        AtMost(340.0),
+        Source::Callgrind("exchange-12"),
+    ),
+    figure("sample_instructions", "instructions", Unlimited, Source::Callgrind("sample")),
+    figure("data_exchange_4_in_over_limit", "ratio", AtMost(3.0), Source::Timed("over-limit")),
+    figure("foreign_telegram_6_instructions", "instructions", AtMost(90.0), Source::Callgrind("foreign-6")),
     figure(
         "foreign_telegram_255_instructions",
         "instructions",
-        Some(400.0),
+        AtMost(400.0),
         Source::Callgrind("foreign-255"),
     ),
-    figure("m4_octet_instructions", "instructions", Some(60.0), Source::M4),
-    figure("m4_reply_instructions", "instructions", Some(230.0), Source::M4),
-    figure("m4_sample_instructions", "instructions", Some(300.0), Source::M4),
-    figure("pty_round_trip_ratio", "ratio", Some(1.25), Source::Program("round-trip")),
-    figure("demo_cycle_us", "us", None, Source::Timed("demo-cycle")),
-    figure("demo_cycle_over_profirust", "ratio", Some(1.5), Source::Timed("demo-cycle-ratio")),
-    figure("start_to_ready_ms", "ms", Some(20.0), Source::Program("start")),
-    figure("help_ms", "ms", Some(10.0), Source::Program("help")),
-    figure("fw_stack_text_octets", "octets", Some(6144.0), Source::Image),
-    figure("fw_flash_kib", "KiB", Some(24.0), Source::Image),
-    figure("fw_static_ram_kib", "KiB", Some(4.0), Source::Image),
-    figure("fw_worst_stack_octets", "octets", Some(1024.0), Source::Image),
-    figure("device_ram_octets", "octets", Some(1536.0), Source::Host("ram")),
+    figure("m4_octet_instructions", "instructions", AtMost(60.0), Source::M4),
+    figure("m4_reply_instructions", "instructions", AtMost(230.0), Source::M4),
+    figure("m4_sample_instructions", "instructions", AtMost(300.0), Source::M4),
+    figure("pty_round_trip_ratio", "ratio", AtMost(1.25), Source::Program("round-trip")),
+    figure("demo_cycle_us", "us", Unlimited, Source::Timed("demo-cycle")),
+    figure("demo_cycle_over_profirust", "ratio", AtMost(1.5), Source::Timed("demo-cycle-ratio")),
+    figure("start_to_ready_ms", "ms", AtMost(20.0), Source::Program("start")),
+    figure("help_ms", "ms", AtMost(10.0), Source::Program("help")),
+    figure("fw_stack_text_octets", "octets", AtMost(6144.0), Source::Image),
+    figure("fw_flash_kib", "KiB", AtMost(24.0), Source::Image),
+    figure("fw_static_ram_kib", "KiB", AtMost(4.0), Source::Image),
+    figure("fw_worst_stack_octets", "octets", AtMost(1024.0), Source::Image),
+    figure("bus_125_times_real_time", "times", AtLeast(100.0), Source::Timed("bus-125")),
+    figure("exchange_cost_10000_over_1", "ratio", AtMost(1.3), Source::Timed("cost-ratio")),
+    figure("memory_per_encoder_kib", "KiB", AtMost(4.0), Source::Host("encoder-memory")),
+    figure("late_answers_per_100000", "answers", AtMost(10.0), Source::Program("late")),
+    figure("device_ram_octets", "octets", AtMost(1536.0), Source::Host("ram")),
 ];
 
 /// What the command line asks for.
@@ -80,14 +91,15 @@ struct Measured {
 
 impl Measured {
     fn over(&self) -> bool {
-        matches!((&self.value, self.figure.limit), (Ok(value), Some(limit)) if *value > limit)
+        self.value.as_ref().is_ok_and(|value| !self.figure.limit.holds(*value))
     }
 
     fn verdict(&self) -> &str {
         match (&self.value, self.figure.limit) {
             (Err(reason), _) => reason.lines().next().unwrap_or("not measured"),
-            (_, None) => "-",
-            _ if self.over() => "OVER",
+            (_, Unlimited) => "-",
+            (_, AtMost(_)) if self.over() => "OVER",
+            (_, AtLeast(_)) if self.over() => "UNDER",
             _ => "within",
         }
     }
@@ -111,7 +123,7 @@ pub(crate) fn run(project: &Project, options: &Options) -> Result<(), String> {
     let absent =
         measured.iter().any(|one| one.value.as_ref().is_err_and(|reason| reason.starts_with(ABSENT)));
     match (over, unmeasured) {
-        (1.., _) if options.gate => Err(format!("{over} over the limit.")),
+        (1.., _) if options.gate => Err(format!("{over} beyond the limit.")),
         (_, 0) => Ok(()),
         _ if absent => Err("To install what is missing: cargo xtask setup --yes".into()),
         _ => Err(format!("{unmeasured} not measured.")),
@@ -132,7 +144,7 @@ pub(crate) fn gate(run: &Run<'_>) -> Result<Tally, String> {
                 tally.check(one.figure.name, false);
             }
             (Ok(_), Source::Timed(_) | Source::Program(_)) if !run.project.ci => {}
-            (Ok(_), _) if one.figure.limit.is_none() => {}
+            (Ok(_), _) if one.figure.limit == Unlimited => {}
             (Ok(value), _) => {
                 tally.check(format!("{} is {value:.2}", one.figure.name), !one.over());
             }
@@ -158,7 +170,11 @@ fn table(measured: &[Measured]) -> String {
     let mut text = format!("{:<34} {:>10} {:<12} {:>8}  {}\n", "name", "value", "unit", "limit", "verdict");
     for one in measured {
         let value = one.value.as_ref().map_or_else(|_| "-".into(), |value| digits(*value));
-        let limit = one.figure.limit.map_or_else(|| "-".into(), digits);
+        let limit = match one.figure.limit {
+            Unlimited => "-".into(),
+            AtMost(limit) => digits(limit),
+            AtLeast(limit) => format!(">= {}", digits(limit)),
+        };
         let (name, unit, verdict) = (one.figure.name, one.figure.unit, one.verdict());
         let _ = writeln!(text, "{name:<34} {value:>10} {unit:<12} {limit:>8}  {verdict}");
     }
@@ -196,7 +212,7 @@ mod tests {
 
     #[test]
     fn what_was_measured_is_judged_and_written() {
-        let ratio = figure("ratio", "ratio", Some(1.25), Source::M4);
+        let ratio = figure("ratio", "ratio", AtMost(1.25), Source::M4);
         let ratio: &'static Figure = Box::leak(Box::new(ratio));
         let of = |value| Measured { figure: ratio, value };
         let all = [of(Ok(1.2)), of(Ok(1.26)), of(Err("no valgrind".into()))];
@@ -207,5 +223,10 @@ mod tests {
              {\"name\": \"ratio\", \"value\": 1.26, \"unit\": \"ratio\"}\n]\n"
         );
         assert!(table(&all).contains("OVER"));
+        let times: &'static Figure =
+            Box::leak(Box::new(figure("times", "times", AtLeast(100.0), Source::M4)));
+        let times = [100.0, 99.9].map(|value| Measured { figure: times, value: Ok(value) });
+        assert_eq!(times.each_ref().map(Measured::verdict), ["within", "UNDER"]);
+        assert!(times[1].over() && table(&times).contains(">= 100"));
     }
 }

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use profibus_dp::time::{Baudrate, Duration};
 
-use crate::serial::{Latency, Rates};
+use crate::serial::{Delay, Latency, Rates};
 
 /// What [`End::wait`] came back with.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -49,6 +49,8 @@ pub enum Note {
     },
     /// How long a serial device may keep what it has received.
     Latency(Latency),
+    /// Through the adapter of a serial device answers can be later than max T_SDR.
+    Delay(Delay),
 }
 
 impl fmt::Display for Note {
@@ -71,6 +73,7 @@ impl fmt::Display for Note {
                 "the driver has no RS-485 mode: the adapter must switch its transmitter by itself",
             ),
             Self::Latency(latency) => latency.fmt(f),
+            Self::Delay(delay) => delay.fmt(f),
         }
     }
 }

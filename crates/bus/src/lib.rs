@@ -45,7 +45,7 @@ pub use memory::MemoryEnd;
 pub use port::{PortAddress, PortError, open_for_master, open_for_slaves};
 pub use pty::PtyEnd;
 pub use segment::{Counters, Handler, LateReplies, News, RateListener, Segment, Settings};
-pub use serial::{Latency, Rates, SerialEnd};
+pub use serial::{Delay, Latency, Rates, SerialEnd};
 pub use socket::{AddressError, SocketEnd, TcpAddress, UnixSocket};
 pub use virtual_segment::{Answer, Reply, VirtualSegment};
 pub use wire_tap::{Sight, WireTap};

@@ -12,6 +12,7 @@
 //! | The transmitter is never switched on, or never off | RS-485 mode, where the driver has it |
 
 mod adapter;
+mod delay;
 mod marks;
 mod rates;
 mod settings;
@@ -35,6 +36,7 @@ use crate::end::{End, EndError, Event, Note, Waker, Written};
 use crate::wake::{EventFd, timespec};
 pub use adapter::Latency;
 use adapter::Rs485;
+pub use delay::Delay;
 use marks::{Found, Marks};
 pub use rates::Rates;
 use settings::{Kind, Refusal};
@@ -107,7 +109,7 @@ impl SerialEnd {
         let mut rs485 = None;
         if kind == Kind::Uart {
             rs485 = Rs485::switch_on(&device);
-            notes.extend(adapter::notes(&device, rs485.as_ref()));
+            notes.extend(adapter::notes(&device, rs485.as_ref(), (!for_master).then_some(baud)));
         }
         if !refused.is_empty() {
             notes.push_back(Note::RatesRefused(refused));

@@ -6,11 +6,13 @@ use std::fs;
 use std::os::fd::OwnedFd;
 use std::path::{Path, PathBuf};
 
+use profibus_dp::fdl::BaudSetting;
 use rustix::fs::{fstat, major, minor};
 use serial2::SerialPort;
 use serial2::rs4xx::{Rs485Config, TransceiverMode};
 
 use crate::end::Note;
+use crate::serial::delay::Delay;
 
 /// How long an adapter may keep what it has received before it hands it over. Prints as a sentence.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -76,18 +78,37 @@ impl Drop for Rs485 {
     }
 }
 
-/// What there is to say about an adapter, whose latency is made as short as it can be.
-pub(super) fn notes(device: &OwnedFd, rs485: Option<&Rs485>) -> [Note; 2] {
-    let setting = latency_setting(device);
-    let latency = setting.map_or(Latency::NoSetting, |path| shorten(&path));
-    [Note::Rs485 { by_driver: rs485.is_some() }, Note::Latency(latency)]
+/// What there is to say about an adapter, whose latency is made as short as it can be. `baud`: that of the
+/// encoders behind it, who have to answer in time.
+pub(super) fn notes(device: &OwnedFd, rs485: Option<&Rs485>, baud: Option<BaudSetting>) -> Vec<Note> {
+    let mut notes = vec![Note::Rs485 { by_driver: rs485.is_some() }];
+    notes.extend(on_latency(&in_sys(device), baud));
+    notes
 }
 
-/// Where the driver keeps the setting, if it has one: those of FTDI chips do.
-fn latency_setting(device: &OwnedFd) -> Option<PathBuf> {
-    let number = fstat(device).ok()?.st_rdev;
-    let path = format!("/sys/dev/char/{}:{}/device/latency_timer", major(number), minor(number));
-    Some(PathBuf::from(path)).filter(|path| path.exists())
+/// Where the system has what it knows of a device.
+fn in_sys(device: &OwnedFd) -> PathBuf {
+    let number = fstat(device).map_or(0, |found| found.st_rdev);
+    PathBuf::from(format!("/sys/dev/char/{}:{}", major(number), minor(number)))
+}
+
+fn on_latency(device: &Path, baud: Option<BaudSetting>) -> Vec<Note> {
+    // The drivers of FTDI chips have it.
+    let setting = device.join("device/latency_timer");
+    let latency = if setting.exists() { shorten(&setting) } else { Latency::NoSetting };
+    let delay = baud.and_then(|baud| Delay::of(device, latency.millis(), baud));
+    std::iter::once(Note::Latency(latency)).chain(delay.map(Note::Delay)).collect()
+}
+
+impl Latency {
+    /// The setting as it is now.
+    const fn millis(self) -> Option<u32> {
+        match self {
+            Self::Shortened { .. } | Self::Short => Some(SHORTEST),
+            Self::Long(millis) => Some(millis),
+            Self::NoSetting => None,
+        }
+    }
 }
 
 fn shorten(setting: &Path) -> Latency {
@@ -108,7 +129,25 @@ fn shorten(setting: &Path) -> Latency {
 
 #[cfg(test)]
 mod tests {
+    use profibus_dp::time::{Baudrate, Duration};
+
     use super::*;
+
+    // 2 ms of USB, and 1 ms of the chip once its 16 ms are gone: 1500 bit times at 500 kbit/s.
+    #[test]
+    fn encoders_behind_an_adapter_on_usb_are_warned_of_once_its_latency_is_short() {
+        let sys = tempfile::tempdir().unwrap();
+        let place = sys.path().join("usb1/1-2/1-2:1.0/ttyUSB0");
+        fs::create_dir_all(&place).unwrap();
+        fs::write(place.join("latency_timer"), "16").unwrap();
+        std::os::unix::fs::symlink(&place, sys.path().join("device")).unwrap();
+        let baud = BaudSetting::Fixed(Baudrate::B500000);
+        let delay = Delay { up_to: Duration::from_millis(3), baud };
+        let shortened = Note::Latency(Latency::Shortened { from: 16 });
+        assert_eq!(on_latency(sys.path(), Some(baud)), [shortened, Note::Delay(delay)]);
+        assert!(Note::Delay(delay).to_string().ends_with("give the master a slot time of at least 1511"));
+        assert_eq!(on_latency(sys.path(), None), [Note::Latency(Latency::Short)], "a master does not answer");
+    }
 
     #[test]
     fn the_latency_is_made_short_and_what_came_of_it_is_told() {
@@ -125,7 +164,7 @@ mod tests {
     fn a_driver_that_has_neither_is_said_to_have_neither() {
         let device = rustix::pty::openpt(rustix::pty::OpenptFlags::NOCTTY).unwrap();
         let rs485 = Rs485::switch_on(&device);
-        let notes = notes(&device, rs485.as_ref());
+        let notes = notes(&device, rs485.as_ref(), Some(BaudSetting::Fixed(Baudrate::B12000000)));
         assert_eq!(notes, [Note::Rs485 { by_driver: false }, Note::Latency(Latency::NoSetting)]);
         assert!(notes[0].to_string().contains("the adapter must switch its transmitter by itself"));
     }

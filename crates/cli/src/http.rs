@@ -3,7 +3,7 @@
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 
 use clap::Args;
-use web::{Server, Settings, Setup, Token};
+use web::{Server, Settings, Setup, Shown, Token};
 
 use crate::{Failure, output};
 
@@ -39,8 +39,17 @@ fn address(text: &str) -> Result<SocketAddr, String> {
 }
 
 impl Browser {
+    /// Whether it is asked for.
+    pub(crate) fn is_wanted(&self) -> bool {
+        self.http.is_some()
+    }
+
     /// Serves it, where it is asked for, and prints where it is.
-    pub(crate) fn serve(&self, setup: impl FnOnce() -> Setup) -> Result<Option<Server>, Failure> {
+    pub(crate) fn serve(
+        &self,
+        shown: Shown,
+        on_shutdown: impl Fn() + Send + Sync + 'static,
+    ) -> Result<Option<Server>, Failure> {
         let Some(address) = self.http else {
             return Ok(None);
         };
@@ -60,8 +69,8 @@ impl Browser {
             ),
         };
         let settings = Settings { address, token };
-        let server =
-            Server::start(&settings, setup()).map_err(|error| Failure::Failed(format!("--http: {error}")))?;
+        let server = Server::start(&settings, Setup { shown, on_shutdown: Box::new(on_shutdown) })
+            .map_err(|error| Failure::Failed(format!("--http: {error}")))?;
         output::line(&format!("http: {}", url(server.address(), settings.token.as_ref())));
         Ok(Some(server))
     }

@@ -19,7 +19,7 @@ use sch108bex::nonvolatile::{Choice, Slot};
 use sch108bex::specification::{SerialNumber, Variant};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
-use web::Setup;
+use web::Shown;
 
 use crate::Failure;
 use crate::arguments::{self, BatteryState, Baud, Further, Key, Light, TerminationState};
@@ -183,13 +183,13 @@ impl Run {
         let end = end_of(&to_main);
         let control = serve_control(self.control.as_ref(), plant.handle(), subscriptions.clone(), end)?;
         tell_address(control.as_ref());
-        let http = self.http.serve(|| Setup {
+        let shown = Shown::Plant {
             kind: web::Kind::Run,
             title: "Encoders for your master".to_owned(),
             handle: plant.handle(),
             subscriptions,
-            on_shutdown: Box::new(end_of(&to_main)),
-        })?;
+        };
+        let http = self.http.serve(shown, end_of(&to_main))?;
         output::line("ready");
         drop(to_main);
         tell_until_end(&wakes);

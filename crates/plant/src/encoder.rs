@@ -191,10 +191,13 @@ impl EncoderStation {
         self.latch(now);
         let identity = self.setup.identity;
         let shaft_position = self.setup.shaft.at(now, identity.variant);
+        let rpm = self.setup.shaft.rpm(now);
         let machine = self.machine().map(|machine| MachineSnapshot {
             unit: machine.unit.clone(),
             position: machine.position(shaft_position, identity.variant),
             rope_layer: machine.rope_layer(shaft_position, identity.variant),
+            per_turn: machine.per_turn,
+            speed: rpm / 60.0 / machine.turns_per_unit(machine.position(shaft_position, identity.variant)),
         });
         Snapshot {
             name: self.name().to_owned(),
@@ -205,7 +208,7 @@ impl EncoderStation {
             world: self.setup.world,
             shaft: self.setup.shaft.clone(),
             shaft_position,
-            rpm: self.setup.shaft.rpm(now),
+            rpm,
             machine,
             reasons: self.reasons(),
             injected: self.injected,

@@ -1,14 +1,15 @@
 //! Everything that is shown anywhere of a running plant, at one moment; as JSON too.
 
 use bus::{Cable, Counters, FaultCounters, Noise};
-use profibus_dp::dp::State;
+use profibus_dp::dp::{Application, State};
 use profibus_dp::fdl::Station;
 use profibus_dp::time::{Baudrate, Instant};
+use profibus_dp::wire::slave_diag::STANDARD_OCTETS;
 use sch108bex::diagnostics::{Alarms, Warnings};
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
 use sch108bex::functionality::Functionality;
 use sch108bex::health::{Battery, OperatingTime};
-use sch108bex::parameterization::CodeSequence;
+use sch108bex::parameterization::{CodeSequence, TimeBase};
 use sch108bex::scaling::Scaling;
 use sch108bex::{Device, Identity};
 use serde::{Serialize, Serializer};
@@ -63,6 +64,12 @@ pub struct MachineSnapshot {
     pub position: f64,
     /// The layer of rope that is being wound, from 1, on a drum.
     pub rope_layer: Option<u32>,
+    /// Units for one turn clockwise; `None` on a drum, where it changes.
+    #[serde(skip)]
+    pub per_turn: Option<f64>,
+    /// Units per second.
+    #[serde(skip)]
+    pub speed: f64,
 }
 
 /// An encoder at one moment.
@@ -129,6 +136,36 @@ pub struct DeviceSnapshot {
     pub warnings: Warnings,
     /// Time under power.
     pub operating_time: OperatingTime,
+    /// The unit of velocity and acceleration.
+    pub time_base: TimeBase,
+    /// What it would answer to Slave_Diag.
+    pub diagnosis: DiagnosisOctets,
+}
+
+/// The octets of a diagnosis.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct DiagnosisOctets {
+    octets: [u8; MOST_DIAGNOSIS],
+    length: usize,
+}
+
+/// 6 octets of the standard and 51 of the encoder (manual 4.2).
+const MOST_DIAGNOSIS: usize = 57;
+
+impl DiagnosisOctets {
+    fn of(device: &Device<Reporter>) -> Self {
+        let slave = device.bus().slave();
+        let mut octets = [0; MOST_DIAGNOSIS];
+        let (standard, own) = octets.split_at_mut(STANDARD_OCTETS);
+        standard.copy_from_slice(&slave.standard_diagnosis().emit());
+        let extended = device.encoder().diagnosis(slave.state().is_data_exchange(), own);
+        Self { octets, length: (STANDARD_OCTETS + extended.length).min(MOST_DIAGNOSIS) }
+    }
+
+    /// Octet 1 first.
+    pub fn octets(&self) -> &[u8] {
+        self.octets.get(..self.length).unwrap_or_default()
+    }
 }
 
 impl DeviceSnapshot {
@@ -151,6 +188,8 @@ impl DeviceSnapshot {
             alarms: health.alarms,
             warnings: health.warnings,
             operating_time: health.operating_time,
+            time_base: sensor.time_base(),
+            diagnosis: DiagnosisOctets::of(device),
         }
     }
 }

@@ -32,7 +32,7 @@ use crate::functionality::Functionality;
 use crate::health::{Battery, Health, Measurement, Supervision};
 use crate::motion::Motion;
 use crate::nonvolatile::{OffsetScaling, Record};
-use crate::parameterization::{CodeSequence, Parameters};
+use crate::parameterization::{CodeSequence, Parameters, TimeBase};
 use crate::preset;
 use crate::scaling::Scaling;
 use crate::sensor::{Sensor, ShaftReading, Taken, latest_latch};
@@ -337,6 +337,11 @@ impl SensorHalf {
     /// The variant.
     pub const fn variant(&self) -> Variant {
         self.scaling.variant()
+    }
+
+    /// The unit of velocity and acceleration in Scancon 2.0.
+    pub const fn time_base(&self) -> TimeBase {
+        self.motion.time_base()
     }
 
     /// The position that the input image shows, in scaled steps.

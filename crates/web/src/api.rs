@@ -2,6 +2,8 @@
 
 mod body;
 mod commands;
+mod master;
+mod scenarios;
 
 use std::sync::Arc;
 
@@ -81,6 +83,10 @@ pub(crate) fn router(app: App, watch: Arc<Guard>) -> Router {
         .route("/api/snapshot", get(snapshot))
         .route("/api/commands", post(commands::command))
         .route("/api/stream", get(events))
+        .route("/api/master", post(master::master))
+        .route("/api/scenarios", get(scenarios::all))
+        .route("/api/scenarios/stop", post(scenarios::stop))
+        .route("/api/scenarios/{name}/play", post(scenarios::play))
         .fallback(otherwise)
         .method_not_allowed_fallback(wrong_method)
         .with_state(app)
@@ -90,6 +96,11 @@ pub(crate) fn router(app: App, watch: Arc<Guard>) -> Router {
 /// An answer in JSON.
 pub(crate) fn json(text: String) -> Response {
     ([(header::CONTENT_TYPE, "application/json")], Body::from(text)).into_response()
+}
+
+/// A value as an answer.
+pub(crate) fn answer(value: &serde_json::Value) -> Response {
+    json(value.to_string())
 }
 
 async fn snapshot(State(app): State<App>) -> Result<Response, Problem> {

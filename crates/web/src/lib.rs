@@ -5,6 +5,7 @@
 //! | [`server`] | starts and ends it: a thread of its own, a runtime on it, connections |
 //! | `guard` | who may ask: hosts, other sites, the token; what every answer says to a browser |
 //! | [`stage`] | the plant that is shown, and what is known of it |
+//! | `scenarios`, `live` | scenarios that come with the program, played in step with real time |
 //! | `publisher`, `wire` | twenty times a second: what there is to show, telegrams in words among it |
 //! | `stream` | the same to whoever reads, and what slow readers miss |
 //! | `api` | the endpoints, one file for each group; [`openapi`] describes them |
@@ -19,8 +20,10 @@ mod api;
 mod assets;
 mod connection;
 mod guard;
+mod live;
 mod problem;
 mod publisher;
+mod scenarios;
 pub mod server;
 pub mod stage;
 mod stream;
@@ -29,5 +32,5 @@ mod view;
 mod wire;
 
 pub use server::{Server, Settings, StartError};
-pub use stage::{Kind, Setup};
+pub use stage::{Kind, Setup, Shown};
 pub use token::Token;

@@ -34,7 +34,6 @@ impl Problem {
     }
 
     /// What is asked for does not fit what is there.
-    #[allow(dead_code, reason = "masters and recordings use it")]
     pub(crate) fn conflict(detail: impl Into<String>) -> Self {
         Self::new(StatusCode::CONFLICT, detail)
     }

@@ -14,6 +14,7 @@ use futures_util::future::{Either, select};
 use hyper::server::conn::http1;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use hyper_util::service::TowerToHyperService;
+use rustix::net::sockopt::set_socket_send_buffer_size;
 use tokio::io::AsyncWriteExt;
 use tokio::net::{TcpListener, TcpStream};
 use tokio::sync::{OwnedSemaphorePermit, Semaphore, watch};
@@ -39,6 +40,8 @@ pub const MOST_OCTETS: usize = 65_536;
 const MOST_HEAD: usize = 16 * 1024;
 /// A client that has begun a request sends its head within this time, and an idle one has gone after it.
 const HEAD_PATIENCE: Duration = Duration::from_secs(30);
+/// So many octets of an answer wait in the system.
+const SEND_BUFFER: usize = 128 * 1024;
 /// What is still open at the end is closed after this.
 const END_PATIENCE: Duration = Duration::from_millis(300);
 /// Threads for what has to wait for a segment.
@@ -62,6 +65,9 @@ pub enum StartError {
     /// It cannot listen there.
     #[error("cannot listen at {0}: {1}; choose another port, or 0 for any that is free")]
     Listen(SocketAddr, io::Error),
+    /// The demonstration cannot begin.
+    #[error(transparent)]
+    Demonstration(#[from] plant::scenario::RunError),
     /// The system has no thread or no runtime for it.
     #[error("cannot start the web server: {0}")]
     System(#[from] io::Error),
@@ -96,7 +102,7 @@ impl Server {
             .max_blocking_threads(BLOCKING_THREADS)
             .build()?;
         let (end, ending) = watch::channel(false);
-        let stage = Arc::new(Stage::new(setup));
+        let stage = Arc::new(Stage::new(setup)?);
         let publisher = Publisher::start(Arc::clone(&stage))?;
         let app = api::App::new(stage, publisher.batches(), ending.clone());
         let guard = Arc::new(Guard::new(address, settings.token.clone()));
@@ -150,6 +156,8 @@ async fn serve(socket: Socket, router: Router, ending: watch::Receiver<bool>) {
         match Arc::clone(&places).try_acquire_owned() {
             Ok(place) => {
                 let _ = client.set_nodelay(true);
+                // Who does not read holds no more of the system than this.
+                let _ = set_socket_send_buffer_size(&client, SEND_BUFFER);
                 let connection = Connection::new(client, WRITE_PATIENCE, place);
                 connections.spawn(converse(connection, router.clone(), ending.clone()));
             }

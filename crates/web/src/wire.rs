@@ -14,10 +14,8 @@ use crate::stage::Scene;
 
 /// More telegrams of one batch are not shown, but counted.
 pub(crate) const MOST_SHOWN: usize = 400;
-/// So many exchanges of data in a batch are shown; what happens seldom always finds a place beside them.
-const MOST_EXCHANGES: usize = 200;
-/// So many of them with all their fields.
-const MOST_EXCHANGES_WITH_FIELDS: usize = 40;
+/// So many telegrams of data exchange in a batch are shown; what happens seldom always finds a place beside them.
+const MOST_EXCHANGES: usize = 60;
 
 /// A telegram as the stream has it.
 #[derive(Debug, Clone, Serialize)]
@@ -34,7 +32,6 @@ pub(crate) struct Telegram {
     pub(crate) refused: Option<String>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) notes: Vec<String>,
-    #[serde(skip_serializing_if = "Vec::is_empty")]
     pub(crate) fields: Vec<Field>,
 }
 
@@ -174,8 +171,7 @@ fn tell(segment: &Arc<str>, conversation: &mut Conversation, packet: Packet, nex
                 if exchange && taken.exchanges > MOST_EXCHANGES {
                     continue;
                 }
-                let with_fields = !exchange || taken.exchanges <= MOST_EXCHANGES_WITH_FIELDS;
-                in_words(dissected, with_fields, blank)
+                in_words(dissected, blank)
             }
             Item::Bad { octets, words, .. } | Item::Garbage { octets, words, .. } => {
                 let from_slave = direction == Some(Sender::Reply);
@@ -189,7 +185,7 @@ fn tell(segment: &Arc<str>, conversation: &mut Conversation, packet: Packet, nex
     }
 }
 
-fn in_words(dissected: Dissected, with_fields: bool, blank: Telegram) -> Telegram {
+fn in_words(dissected: Dissected, blank: Telegram) -> Telegram {
     let Dissected { octets, direction, source, destination, service, summary, fields, remarks, .. } =
         dissected;
     let kind = match direction {
@@ -207,7 +203,6 @@ fn in_words(dissected: Dissected, with_fields: bool, blank: Telegram) -> Telegra
         Some(octet) => format!("octet {octet}: {}", remark.words),
         None => remark.words,
     }));
-    let fields = if with_fields { fields } else { Vec::new() };
     let fields = fields.into_iter().map(|field| Field {
         first: field.octets[0],
         last: field.octets[1],

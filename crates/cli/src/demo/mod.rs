@@ -21,8 +21,11 @@ use sch108bex::health::Measurement;
 use sch108bex::parameterization::{ParameterLength, Parameters, TimeBase};
 use sch108bex::specification::{LATCH_PERIOD, PLACEHOLDER_IDENT, SerialNumber, Variant};
 use signal_hook::consts::{SIGINT, SIGTERM};
+use web::Shown;
 
-use crate::Failure;
+use crate::http::Browser;
+use crate::run::{end_of, end_on_signals, tell_until_end};
+use crate::{Failure, output};
 use screen::{FRAME_MILLIS, Facts, Screen};
 
 const RATE: Baudrate = Baudrate::B1500000;
@@ -51,6 +54,8 @@ pub(crate) struct Options {
     /// Print plain lines on a terminal too
     #[arg(long)]
     plain: bool,
+    #[command(flatten)]
+    http: Browser,
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
@@ -60,6 +65,9 @@ fn seconds(text: &str) -> Result<f64, String> {
 
 /// Shows it, and fails where something is not as claimed.
 pub(crate) fn demo(options: &Options) -> Result<(), Failure> {
+    if options.http.is_wanted() {
+        return stay(&options.http);
+    }
     let (encoder, reports) = encoder()?;
     let mut segment = VirtualSegment::new(Instant::ZERO, RATE);
     segment.add(encoder);
@@ -85,6 +93,18 @@ pub(crate) fn demo(options: &Options) -> Result<(), Failure> {
     demo.warning(0.15 * seconds)?;
     demo.turn_back(0.3 * seconds)?;
     demo.sum_up();
+    Ok(())
+}
+
+/// The demonstration on a page, where it goes on until it is told to end.
+fn stay(http: &Browser) -> Result<(), Failure> {
+    let (to_main, wakes) = mpsc::channel();
+    end_on_signals(&to_main)?;
+    let server = http.serve(Shown::Demonstration, end_of(&to_main))?;
+    output::line("ready");
+    drop(to_main);
+    tell_until_end(&wakes);
+    drop(server);
     Ok(())
 }
 

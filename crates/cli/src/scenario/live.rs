@@ -9,7 +9,7 @@ use plant::control::{ControlAddress, Subscriptions};
 use plant::scenario::{Act, EncoderPlan, Event, Scenario, SegmentPlan};
 use plant::{EncoderSetup, Handle, Plant, Rate, Report, SegmentSetup};
 use profibus_dp::fdl::BaudSetting;
-use web::Setup;
+use web::Shown;
 
 use super::{Loaded, load};
 use crate::Failure;
@@ -55,13 +55,9 @@ pub(crate) fn run(
     plant.start_shafts().map_err(failed)?;
     let control = serve_control(control, handle.clone(), subscriptions.clone(), end_of(&to_main))?;
     tell_address(control.as_ref());
-    let http = http.serve(|| Setup {
-        kind: web::Kind::Scenario,
-        title: plan.title.clone(),
-        handle: handle.clone(),
-        subscriptions,
-        on_shutdown: Box::new(end_of(&to_main)),
-    })?;
+    let (title, handle_of_page) = (plan.title.clone(), handle.clone());
+    let shown = Shown::Plant { kind: web::Kind::Scenario, title, handle: handle_of_page, subscriptions };
+    let http = http.serve(shown, end_of(&to_main))?;
     output::line("ready");
     drop(to_main);
     std::thread::spawn(move || play(&plan.events, &handle));

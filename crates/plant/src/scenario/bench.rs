@@ -24,6 +24,8 @@ pub struct Bench {
     handle: Handle,
     pub(super) segments: Vec<MasteredSegment>,
     reports: Receiver<Report>,
+    /// Reports that were looked at and not taken yet.
+    seen: Vec<Report>,
     now: Instant,
 }
 
@@ -78,7 +80,7 @@ impl Bench {
         for start in scenario.starts() {
             handle.apply(&start)?;
         }
-        Ok(Self { handle, segments, reports, now: Instant::ZERO })
+        Ok(Self { handle, segments, reports, seen: Vec::new(), now: Instant::ZERO })
     }
 
     /// A hand on it: what it is asked for is done between two steps.
@@ -93,9 +95,17 @@ impl Bench {
 
     /// What has happened since the last call, in order of time.
     pub fn take_reports(&mut self) -> Vec<Report> {
-        let mut reports: Vec<_> = self.reports.try_iter().collect();
+        let mut reports = std::mem::take(&mut self.seen);
+        reports.extend(self.reports.try_iter());
         reports.sort_by_key(|report| report.at);
         reports
+    }
+
+    /// What has happened since the last look. It still waits for [`take_reports`](Self::take_reports).
+    pub(super) fn look_at_reports(&mut self) -> &[Report] {
+        let before = self.seen.len();
+        self.seen.extend(self.reports.try_iter());
+        self.seen.get(before..).unwrap_or_default()
     }
 
     /// Everything that begins before this moment.

@@ -81,24 +81,29 @@ impl<'a> Judge<'a> {
 
     /// Looks at an encoder now.
     pub(super) fn state(&mut self, at: usize, bench: &Bench) -> &Verdict {
-        let expectation = &self.expectations[at];
-        let verdict = match &expectation.what {
-            What::State { at: moment, encoder, checks } => {
-                let results: Vec<_> = checks.iter().map(|check| judge(check, encoder, bench)).collect();
-                let due: Vec<_> = results.iter().map(|result| result.due.as_str()).collect();
-                let found: Vec<_> = results.iter().map(|result| result.found.as_str()).collect();
-                Verdict {
-                    line: self.lines[at],
-                    expected: named(expectation, || {
-                        format!("at {} {encoder}: {}", seconds(*moment), due.join(", "))
-                    }),
-                    holds: results.iter().all(|result| result.holds),
-                    found: found.join(", "),
-                }
-            }
-            _ => return self.verdicts[at].get_or_insert_with(|| Verdict::nothing(0)),
-        };
+        let verdict = self.look(at, bench);
         self.verdicts[at].insert(verdict)
+    }
+
+    /// All that will be judged, as if it were now.
+    pub(super) fn expected(&self, bench: &Bench) -> Vec<Verdict> {
+        (0..self.expectations.len()).map(|at| self.look(at, bench)).collect()
+    }
+
+    fn look(&self, at: usize, bench: &Bench) -> Verdict {
+        let expectation = &self.expectations[at];
+        let What::State { at: moment, encoder, checks } = &expectation.what else {
+            return self.last(at, bench);
+        };
+        let results: Vec<_> = checks.iter().map(|check| judge(check, encoder, bench)).collect();
+        let due: Vec<_> = results.iter().map(|result| result.due.as_str()).collect();
+        let found: Vec<_> = results.iter().map(|result| result.found.as_str()).collect();
+        Verdict {
+            line: self.lines[at],
+            expected: named(expectation, || format!("at {} {encoder}: {}", seconds(*moment), due.join(", "))),
+            holds: results.iter().all(|result| result.holds),
+            found: found.join(", "),
+        }
     }
 
     /// What can be told only now.

@@ -106,6 +106,8 @@ pub(super) struct Poller {
 pub(super) struct Slave {
     pub(super) plan: PollPlan,
     pub(super) exchanging: bool,
+    /// It was freed for other masters.
+    left_alone: bool,
     outputs: u32,
     /// A preset and for how many cycles it still stands.
     preset: Option<(u32, u8)>,
@@ -137,6 +139,7 @@ impl Poller {
         let slave = |plan: &PollPlan| Slave {
             plan: plan.clone(),
             exchanging: false,
+            left_alone: false,
             outputs: 0,
             preset: None,
             inputs: Vec::new(),
@@ -194,6 +197,28 @@ impl Poller {
         self.master.set_address(from, to, ident_number, false)
     }
 
+    /// When so many more cycles are over, at the latest.
+    pub(super) fn after_cycles(&self, cycles: u64) -> Instant {
+        let begins = self.next_cycle.max(self.master.now());
+        begins + Duration::from_nanos(self.cycle.as_nanos().saturating_mul(cycles))
+    }
+
+    /// Global_Control to all.
+    pub(super) fn global_control(&mut self, command: u8) -> Result<(), Error> {
+        self.master.global_control(command, 0)
+    }
+
+    /// Frees an encoder of the list, and leaves it alone from now on.
+    pub(super) fn unlock(&mut self, encoder: &str) -> Result<(), Error> {
+        let Self { master, slaves, .. } = self;
+        let Some(slave) = slaves.iter_mut().find(|slave| slave.plan.encoder == encoder) else {
+            return Ok(());
+        };
+        (slave.left_alone, slave.exchanging) = (true, false);
+        let ident = slave.plan.set_prm.get(4..6).and_then(|octets| octets.first_chunk());
+        master.unlock(slave.plan.address, u16::from_be_bytes(*ident.unwrap_or(&[0; 2])))
+    }
+
     /// Everything that begins before `until`; then it is at least `until`.
     pub(super) fn advance_to(&mut self, until: Instant) -> Result<(), EndError> {
         loop {
@@ -220,6 +245,9 @@ impl Poller {
     fn serve(&mut self) -> Result<(), EndError> {
         let Self { master, slaves, at, cycles, .. } = self;
         let slave = &mut slaves[*at];
+        if slave.left_alone {
+            return Ok(());
+        }
         let result =
             if slave.exchanging { slave.exchange(master, *cycles) } else { slave.start_up(master, *cycles) };
         match result {
@@ -239,6 +267,12 @@ impl Slave {
     /// The next outputs carry this preset.
     pub(super) fn preset(&mut self, value: u32) {
         self.preset = Some((value | PRESET_BIT, PRESET_CYCLES));
+    }
+
+    /// It is started up with the next cycle, at this address if that is known.
+    pub(super) fn begin_anew(&mut self, address: Option<u8>) {
+        self.plan.address = address.unwrap_or(self.plan.address);
+        (self.exchanging, self.left_alone, self.trouble) = (false, false, None);
     }
 
     /// The outputs from now on.

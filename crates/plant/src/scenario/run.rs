@@ -35,6 +35,16 @@ pub trait Progress {
         Duration::from_secs(1)
     }
 
+    /// What will be judged, before anything is: each as if it were judged now.
+    fn expects(&mut self, expectations: &[Verdict]) {
+        let _ = expectations;
+    }
+
+    /// It stands between two steps: masters can be asked for things now.
+    fn between(&mut self, bench: &mut Bench) {
+        let _ = bench;
+    }
+
     /// It is about to go on to this moment; `Break` ends it here.
     fn step(&mut self, to: Instant) -> ControlFlow<()> {
         let _ = to;
@@ -97,6 +107,7 @@ pub fn play(
     progress: &mut dyn Progress,
 ) -> Result<Outcome, RunError> {
     let mut judge = Judge::new(scenario, source);
+    progress.expects(&judge.expected(&bench));
     let mut troubles = Vec::new();
     let mut ended = ControlFlow::Continue(());
     for (moment, due) in agenda(scenario) {
@@ -139,6 +150,7 @@ fn go_on(
     progress: &mut dyn Progress,
 ) -> Result<ControlFlow<()>, EndError> {
     loop {
+        progress.between(bench);
         let now = bench.now();
         let to = until.min(now + progress.longest_step());
         if progress.step(to).is_break() {

@@ -126,7 +126,8 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
         }
     }
 
-    fn standard_diagnosis(&self) -> StandardDiagnosis {
+    /// Octets 1 to 6 of the diagnosis as they are now.
+    pub fn standard_diagnosis(&self) -> StandardDiagnosis {
         StandardDiagnosis {
             station_not_ready: !self.state.is_data_exchange(),
             cfg_fault: self.faults.cfg,

@@ -5,6 +5,8 @@ use std::time::Duration;
 use axum::body::{Bytes, to_bytes};
 use axum::extract::{FromRequest, Request};
 use axum::http::{StatusCode, header};
+use serde::de::DeserializeOwned;
+use serde_json::{Map, Value};
 use tokio::time::timeout;
 
 use crate::problem::Problem;
@@ -31,6 +33,19 @@ impl<S: Send + Sync> FromRequest<S> for Json {
         }
         octets(request).await.map(Self)
     }
+}
+
+impl Json {
+    /// What the body is; `example`: what to write in place of what is none. Lists are none.
+    pub(crate) fn read<T: DeserializeOwned>(&self, example: &str) -> Result<T, Problem> {
+        read(&self.0, example)
+    }
+}
+
+pub(crate) fn read<T: DeserializeOwned>(octets: &[u8], example: &str) -> Result<T, Problem> {
+    let wrong = |error| Problem::bad(format!("{error}; write for example {example}"));
+    let object: Map<String, Value> = serde_json::from_slice(octets).map_err(wrong)?;
+    T::deserialize(Value::Object(object)).map_err(wrong)
 }
 
 /// All octets of a body.

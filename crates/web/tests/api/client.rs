@@ -14,16 +14,16 @@ use sch108bex::configuration::Configurations;
 use sch108bex::end_cap::{RotarySwitches, TerminationSwitches};
 use sch108bex::specification::{PLACEHOLDER_IDENT, SerialNumber, Variant};
 use serde_json::Value;
-use web::{Kind, Server, Settings, Setup, Token};
+use web::{Kind, Server, Settings, Setup, Shown, Token};
 
 /// Longer than anything takes on a busy computer.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(10);
 
 /// A server in front of an encoder with address 5, whose shaft stands at 65536.
 pub(crate) struct Site {
-    _server: Server,
+    server: Server,
     pub(crate) address: SocketAddr,
-    pub(crate) plant: Plant,
+    plant: Option<Plant>,
     /// Somebody has asked for the end of the program.
     pub(crate) ends: mpsc::Receiver<()>,
     master: Option<MemoryEnd>,
@@ -69,11 +69,10 @@ pub(crate) fn site_at(address: &str, token: Option<&str>) -> Site {
     let mut plant = Plant::new();
     plant.add(segment, reports).expect("a plant");
     let (to, ends) = mpsc::channel();
+    let shown =
+        Shown::Plant { kind: Kind::Run, title: "A test".to_owned(), handle: plant.handle(), subscriptions };
     let setup = Setup {
-        kind: Kind::Run,
-        title: "A test".to_owned(),
-        handle: plant.handle(),
-        subscriptions,
+        shown,
         on_shutdown: Box::new(move || {
             let _ = to.send(());
         }),
@@ -83,10 +82,50 @@ pub(crate) fn site_at(address: &str, token: Option<&str>) -> Site {
         token: token.map(|token| Token::parse(token).expect("a token")),
     };
     let server = Server::start(&settings, setup).expect("a server");
-    Site { address: server.address(), _server: server, plant, ends, master: Some(master) }
+    Site { address: server.address(), server, plant: Some(plant), ends, master: Some(master) }
+}
+
+/// A server that shows the demonstration.
+pub(crate) fn demonstration() -> Site {
+    let (to, ends) = mpsc::channel();
+    let setup = Setup {
+        shown: Shown::Demonstration,
+        on_shutdown: Box::new(move || {
+            let _ = to.send(());
+        }),
+    };
+    let settings = Settings { address: "127.0.0.1:0".parse().expect("an address"), token: None };
+    let server = Server::start(&settings, setup).expect("a server");
+    Site { address: server.address(), server, plant: None, ends, master: None }
 }
 
 impl Site {
+    /// The plant that others run.
+    pub(crate) fn plant(&self) -> &Plant {
+        self.plant.as_ref().expect("a plant")
+    }
+
+    /// Ends the server; how long that takes.
+    pub(crate) fn end(self) -> Duration {
+        let begun = Instant::now();
+        drop(self.server);
+        begun.elapsed()
+    }
+
+    /// The first snapshot that fits.
+    #[track_caller]
+    pub(crate) fn snapshot_when(&self, what: &str, fits: impl Fn(&Value) -> bool) -> Value {
+        let begun = Instant::now();
+        loop {
+            let snapshot = self.get("/api/snapshot").json();
+            if fits(&snapshot) {
+                return snapshot;
+            }
+            assert!(begun.elapsed() < PATIENCE, "waited in vain for {what}: {snapshot}");
+            std::thread::sleep(Duration::from_millis(20));
+        }
+    }
+
     /// A master at the encoder's bus.
     pub(crate) fn master(&mut self) -> LightMaster<Wire> {
         let end = self.master.take().expect("one master");

@@ -2,7 +2,7 @@
 
 use std::net::TcpListener;
 
-use web::{Kind, Server, Settings, Setup, StartError, Token};
+use web::{Server, Settings, Setup, Shown, StartError, Token};
 
 use crate::client::{TOKEN, site, site_at};
 
@@ -151,16 +151,9 @@ fn the_token_of_the_address_becomes_a_cookie() {
 
 #[test]
 fn without_a_token_nobody_listens_for_other_computers() {
-    let bench = site();
     for address in ["0.0.0.0:0", "[::]:0", "192.0.2.1:0"] {
         let settings = Settings { address: address.parse().expect("an address"), token: None };
-        let setup = Setup {
-            kind: Kind::Run,
-            title: String::new(),
-            handle: bench.plant.handle(),
-            subscriptions: plant::control::Subscriptions::new(),
-            on_shutdown: Box::new(|| ()),
-        };
+        let setup = Setup { shown: Shown::Demonstration, on_shutdown: Box::new(|| ()) };
         assert!(matches!(Server::start(&settings, setup), Err(StartError::Open(_))), "{address}");
     }
     assert!(Token::parse("short").is_err());
@@ -170,14 +163,7 @@ fn without_a_token_nobody_listens_for_other_computers() {
 fn a_port_that_is_taken_is_told() {
     let taken = TcpListener::bind("127.0.0.1:0").expect("a port");
     let address = taken.local_addr().expect("an address");
-    let bench = site();
-    let setup = Setup {
-        kind: Kind::Run,
-        title: String::new(),
-        handle: bench.plant.handle(),
-        subscriptions: plant::control::Subscriptions::new(),
-        on_shutdown: Box::new(|| ()),
-    };
+    let setup = Setup { shown: Shown::Demonstration, on_shutdown: Box::new(|| ()) };
     let error =
         Server::start(&Settings { address, token: None }, setup).expect_err("it is taken").to_string();
     assert!(error.contains(&address.to_string()) && error.contains("another port"), "{error}");

@@ -2,7 +2,9 @@
 
 #![allow(missing_docs, reason = "tests")]
 
+mod bench;
 mod client;
 mod guard;
 mod limits;
 mod plain;
+mod slow;

@@ -37,7 +37,7 @@ fn the_snapshot_has_what_the_control_has_and_more() {
         cap,
         &serde_json::json!({"x16": 0, "x1": 5, "terminated_first": true, "terminated_second": true})
     );
-    let own = serde_json::to_value(site.plant.handle().snapshot().expect("it runs")).expect("JSON");
+    let own = serde_json::to_value(site.plant().handle().snapshot().expect("it runs")).expect("JSON");
     for name in ["name", "bits", "switches", "shaft", "volts", "injected", "counters", "reasons"] {
         assert_eq!(page["encoders"][0][name], own["encoders"][0][name], "{name}");
     }

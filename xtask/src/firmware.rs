@@ -85,6 +85,27 @@ pub(crate) fn make(project: &Project) -> Result<(), String> {
     if tally.failed.is_empty() { Ok(()) } else { Err("The images are not as they have to be.".into()) }
 }
 
+/// `cargo xtask firmware run`: the image in an emulator, with a shaft and a world, until Ctrl-C.
+///
+/// # Errors
+///
+/// A tool is missing, or the board does not run.
+pub(crate) fn emulate(project: &Project, options: &[String]) -> Result<(), String> {
+    let tools = Tools::find(project);
+    let missing = tools.lacks_for_firmware().or((!tools.qemu).then_some("qemu-system-arm"));
+    if let Some(missing) = missing {
+        return Err(format!("{missing} is missing. To install it: cargo xtask setup --yes"));
+    }
+    let image = shipped_image(project, &tools)?;
+    let mut board = project.cargo(["run", "--quiet", "--release", "--package", "emulated-board", "--"]);
+    board.arg("--image").arg(image).args(options);
+    match board.status() {
+        Ok(status) if status.success() => Ok(()),
+        Ok(_) => Err("The emulated board has ended before it was told to.".into()),
+        Err(error) => Err(format!("cargo cannot be started: {error}")),
+    }
+}
+
 /// The images as a step of `cargo xtask test`.
 pub(crate) fn step(run: &Run<'_>) -> Result<Tally, String> {
     if let Some(missing) = run.tools.lacks_for_firmware() {

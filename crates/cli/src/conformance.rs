@@ -60,6 +60,10 @@ pub(crate) struct Conformance {
     /// The encoder that is tested, by name or by number from 1, where the control socket has several
     #[arg(long, value_name = "NAME", requires = "control")]
     encoder: Option<String>,
+    /// The slave hears how long the line is idle, though the port is a socket or a pseudo terminal: an emulated
+    /// board, a serial server
+    #[arg(long)]
+    hears_idle: bool,
     /// How long a reply may take at most, in milliseconds
     #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = whole::<u64>(1..=60_000), allow_negative_numbers = true)]
     patience: u64,
@@ -158,8 +162,8 @@ impl Conformance {
     fn open(&self, port: &PortAddress) -> Result<PortRig, Failure> {
         let end = open_for_master(port, self.baud, COMING)
             .map_err(|error| Failure::Failed(format!("--port {port}: {error}")))?;
-        let rig =
-            PortRig::new(end, self.baud, is_stream(port)).with_patience(Time::from_millis(self.patience));
+        let rig = PortRig::new(end, self.baud, is_stream(port) && !self.hears_idle)
+            .with_patience(Time::from_millis(self.patience));
         let Some(path) = &self.control else { return Ok(rig) };
         let control = ControlSocket::connect(path, self.encoder.as_deref()).map_err(|error| {
             Failure::Failed(format!(

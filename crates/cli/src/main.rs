@@ -16,7 +16,6 @@ mod gsd;
 mod http;
 mod master;
 mod output;
-mod pages;
 mod recording;
 mod replay;
 mod run;
@@ -67,10 +66,6 @@ enum Command {
     Scenario(scenario::Scenario),
     /// Steer encoders that run with --control: shaft, world, power, faults, snapshot, events
     Ctl(ctl::Ctl),
-    /// The script that lets a shell complete commands and options
-    Completions(pages::Completions),
-    /// Man pages, or all commands on one page
-    Man(pages::Man),
 }
 
 /// Why a command did not do what it was asked to.
@@ -105,11 +100,6 @@ fn main() -> ExitCode {
         }
         Some(Command::Scenario(scenario)) => scenario.run(),
         Some(Command::Ctl(ctl)) => ctl.ctl(),
-        Some(Command::Completions(completions)) => {
-            completions.run();
-            Ok(())
-        }
-        Some(Command::Man(man)) => man.run(),
     };
     let lost = output::lost().filter(|_| !tells);
     let result = result.and_then(|()| lost.map_or(Ok(()), |lost| Err(Failure::Failed(lost))));

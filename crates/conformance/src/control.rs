@@ -1,6 +1,7 @@
 //! A hand at the controls of a device behind a port: `sch108bex run --control PATH`, JSON lines on a
 //! Unix socket.
 
+use std::collections::BTreeSet;
 use std::fmt;
 use std::io::{BufRead, BufReader, Write};
 use std::os::unix::net::UnixStream;
@@ -49,6 +50,8 @@ pub trait Control: fmt::Debug {
 pub struct ControlSocket {
     stream: BufReader<UnixStream>,
     encoder: Value,
+    /// The requests that it takes: an emulated board takes fewer than `run` does.
+    offered: BTreeSet<String>,
 }
 
 impl ControlSocket {
@@ -66,13 +69,21 @@ impl ControlSocket {
         limit(&stream).map_err(|error| error.to_string())?;
         let encoder =
             encoder.map_or(Value::Null, |name| name.parse::<u64>().map_or_else(|_| name.into(), Value::from));
-        Ok(Self { stream: BufReader::new(stream), encoder })
+        let mut socket = Self { stream: BufReader::new(stream), encoder, offered: BTreeSet::new() };
+        let help = socket.answer(&json!({"do": "help"}))?;
+        let names = help["commands"].as_array().into_iter().flatten();
+        socket.offered = names.filter_map(|one| one["name"].as_str().map(str::to_owned)).collect();
+        Ok(socket)
     }
 
     fn ask(&mut self, mut request: Value) -> Result<(), String> {
         if !self.encoder.is_null() && request.get("octet").is_none() {
             request["encoder"] = self.encoder.clone();
         }
+        self.answer(&request).map(drop)
+    }
+
+    fn answer(&mut self, request: &Value) -> Result<Value, String> {
         let broken = |error: std::io::Error| format!("{request}: {error}");
         self.stream.get_mut().write_all(format!("{request}\n").as_bytes()).map_err(broken)?;
         let mut line = String::new();
@@ -80,7 +91,7 @@ impl ControlSocket {
         let reply: Value =
             serde_json::from_str(&line).map_err(|_| format!("{request}: no reply that can be read"))?;
         if reply["ok"] == Value::Bool(true) {
-            Ok(())
+            Ok(reply)
         } else {
             Err(format!("{request}: {}", reply["error"].as_str().unwrap_or("refused")))
         }
@@ -88,8 +99,17 @@ impl ControlSocket {
 }
 
 impl Control for ControlSocket {
-    fn has(&self, _: Hand) -> bool {
-        true
+    fn has(&self, hand: Hand) -> bool {
+        let needed: &[&str] = match hand {
+            Hand::Power => &["power"],
+            Hand::Delivery => &["power", "memory"],
+            Hand::Switches => &["switches"],
+            Hand::Shaft => &["shaft"],
+            Hand::World => &["supply", "temperature", "light", "battery"],
+            Hand::Faults => &["sensor"],
+            Hand::OperatingTime => &["power", "operating_time"],
+        };
+        needed.iter().all(|name| self.offered.contains(*name))
     }
 
     fn act(&mut self, action: &Action) -> Result<(), String> {
@@ -133,7 +153,7 @@ impl Control for ControlSocket {
     }
 
     fn damages_characters(&self) -> bool {
-        true
+        self.offered.contains("character_error")
     }
 
     fn damage_character(&mut self, octet: usize) -> Result<(), String> {

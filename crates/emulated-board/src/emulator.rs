@@ -34,6 +34,9 @@ pub enum EmulatorError {
     /// A socket of the emulator cannot be used.
     #[error("the emulator's {0}: {1}")]
     Socket(&'static str, io::Error),
+    /// What is around the board cannot be had.
+    #[error("the board's world: {0}")]
+    World(String),
     /// The firmware does not do what it has to.
     #[error("the firmware {0}")]
     Firmware(String),

@@ -16,7 +16,6 @@ mod forgetful;
 mod kill;
 mod master;
 mod outputs;
-mod pages;
 mod pyprofibus;
 mod readme;
 mod refusals;

@@ -31,6 +31,22 @@ pub enum Applied {
     Commands(&'static [CommandHelp]),
 }
 
+/// Whoever does what requests ask for: a running plant, or a device that can do some of it.
+pub trait Steer: Send + Sync + std::fmt::Debug {
+    /// Does what a request asks for, and returns when it is done.
+    ///
+    /// # Errors
+    ///
+    /// Why it was not done, and what to write instead.
+    fn steer(&self, request: &Request) -> Result<Option<Applied>, ControlError>;
+}
+
+impl Steer for Handle {
+    fn steer(&self, request: &Request) -> Result<Option<Applied>, ControlError> {
+        self.apply(request)
+    }
+}
+
 impl Handle {
     /// Does what a request asks for, and returns when it is done.
     ///

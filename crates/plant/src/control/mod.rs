@@ -20,7 +20,7 @@ mod target;
 mod values;
 
 pub use crate::shaft::{ShaftFields, ShaftKind};
-pub use apply::Applied;
+pub use apply::{Applied, Steer};
 pub use check::ControlError;
 pub use commands::{COMMANDS, CommandHelp};
 pub use envelope::{Envelope, RefusedLine, Reply};

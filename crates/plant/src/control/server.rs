@@ -30,9 +30,9 @@ use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::net::{SocketFlags, accept_with};
 
+use crate::control::apply::Steer;
 use crate::control::envelope::Reply;
 use crate::control::subscriptions::Subscriptions;
-use crate::handle::Handle;
 pub use address::{ControlAddress, ControlAddressError};
 use stream::{Listener, Stream};
 pub use turns::Turns;
@@ -55,7 +55,7 @@ pub struct Server {
 
 /// What all connections share.
 struct Shared {
-    handle: Handle,
+    steered: Box<dyn Steer>,
     subscriptions: Subscriptions,
     on_shutdown: Box<dyn Fn() + Send + Sync>,
     turns: Turns,
@@ -80,7 +80,7 @@ impl Server {
     /// Somebody listens there, another kind of file is there, or the directory or the port is not allowed.
     pub fn start(
         address: &ControlAddress,
-        handle: Handle,
+        steered: impl Steer + 'static,
         subscriptions: Subscriptions,
         on_shutdown: impl Fn() + Send + Sync + 'static,
     ) -> Result<Self, EndError> {
@@ -88,7 +88,7 @@ impl Server {
         let (listener, address) = Listener::open(address)?;
         let (door, closed) = UnixStream::pair().map_err(broken)?;
         let shared = Arc::new(Shared {
-            handle,
+            steered: Box::new(steered),
             subscriptions,
             on_shutdown: Box::new(on_shutdown),
             turns: Turns::new(),
@@ -198,7 +198,7 @@ impl Shared {
 
 impl fmt::Debug for Shared {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.debug_struct("Shared").field("handle", &self.handle).finish_non_exhaustive()
+        f.debug_struct("Shared").field("steered", &self.steered).finish_non_exhaustive()
     }
 }
 

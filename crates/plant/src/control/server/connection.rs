@@ -145,7 +145,7 @@ fn obey(
             (shared.on_shutdown)();
             told
         }
-        request => match shared.handle.apply(&request) {
+        request => match shared.steered.steer(&request) {
             Ok(result) => tell(writer, &Reply::done(id, result)),
             Err(error) => tell(writer, &Reply::refused(id, error.to_string())),
         },

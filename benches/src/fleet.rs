@@ -210,11 +210,11 @@ pub(crate) fn times_real_time() -> Result<f64, String> {
 ///
 /// Both do the same: each encoder is asked once in the time in which a full segment asks all, so that it has as
 /// many latches to catch up with; and the one encoder is each kind of shaft in turn. The segments are brought on
-/// one after the other, by a tenth of a second each, as a scenario's are (by a second).
+/// one after the other by a second each, as `sch108bex scenario run --virtual` does.
 pub(crate) fn cost_ratio() -> Result<f64, String> {
     const SEGMENTS: usize = 80;
     const ROUNDS: usize = 9;
-    const STEP: Duration = Duration::from_millis(100);
+    const STEP: Duration = Duration::from_secs(1);
     let mut all = (0..SEGMENTS).map(|_| Fleet::full()).collect::<Result<Vec<_>, _>>()?;
     let cycle = all.first_mut().map(Fleet::cycle).transpose()?.unwrap_or_default();
     let mut alone = MOVEMENTS.iter().map(Fleet::alone).collect::<Result<Vec<_>, _>>()?;
@@ -223,8 +223,8 @@ pub(crate) fn cost_ratio() -> Result<f64, String> {
     }
     let (mut of_one, mut of_all) = (Vec::new(), Vec::new());
     for _ in 0..ROUNDS {
-        // As many exchanges on both sides, by turns.
-        of_one.push(nanos(&mut alone, Duration::from_secs(200))?);
+        // By turns, some two million exchanges and one.
+        of_one.push(nanos(&mut alone, Duration::from_secs(1_000))?);
         of_all.push(nanos(&mut all, STEP)?);
     }
     let (of_one, of_all) = (median(of_one), median(of_all));
@@ -259,4 +259,40 @@ fn resident_kib() -> Result<f64, String> {
     let status = status.map_err(|error| format!("/proc/self/status: {error}."))?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")?.trim().strip_suffix(" kB"));
     line.and_then(|kib| kib.parse().ok()).ok_or_else(|| "/proc/self/status has no VmRSS.".to_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SOME_TIME: Duration = Duration::from_millis(700);
+
+    #[test]
+    fn answers_that_are_not_those_of_the_shaft_are_noticed() {
+        for movement in &MOVEMENTS {
+            let mut fleet = Fleet::alone(movement).unwrap();
+            assert!(fleet.run(SOME_TIME).unwrap().exchanges > 10_000, "{}", movement.0);
+            // A speed that is not his, an acceleration, and another place.
+            let expected = fleet.expected[0].velocity.clone();
+            fleet.expected[0].velocity = 3_000..=3_000;
+            assert!(fleet.exchange().is_err(), "{}", movement.0);
+            fleet.expected[0].velocity = expected;
+            fleet.exchange().unwrap();
+            fleet.expected[0].acceleration = 3_000..=3_000;
+            assert!(fleet.exchange().is_err(), "{}", movement.0);
+            fleet.expected[0].acceleration = movement.2.clone();
+            fleet.exchange().unwrap();
+            let (constant, _) = movement.0.split_once('@').unwrap();
+            fleet.expected[0].shaft = format!("{constant}@77").parse().unwrap();
+            assert!(fleet.exchange().is_err(), "{}", movement.0);
+        }
+    }
+
+    // 13 and 21 octets of 11 bits, min T_SDR 11 and 76 of idle: 461 bits of 1/12 us, rounded up piece by piece.
+    #[test]
+    fn a_full_segment_asks_everybody_in_as_long_as_its_bus_takes() {
+        let cycle = Fleet::full().unwrap().cycle().unwrap();
+        let due = 125 * 461 * 1_000 / 12;
+        assert!((due..due + 125 * 4).contains(&cycle.as_nanos()), "{cycle:?} {due}");
+    }
 }

@@ -191,3 +191,22 @@ fn bring_up(port: &mut Port) -> Result<Vec<Octets>, String> {
     one.extend(other);
     Ok(one)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_answer_after_200_us_is_late() {
+        let mut histogram = Histogram::default();
+        for micros in [15, 200, 201, 9_000] {
+            histogram.add(Duration::from_micros(micros));
+        }
+        assert!((histogram.late() - 50_000.0).abs() < 1e-9);
+        let line = histogram.line("echo");
+        assert!(line.contains("<=20 us: 1, ") && line.contains("<=200 us: 1, <=500 us: 1, "), "{line}");
+        assert!(line.ends_with("more: 1; 50000.0 late in 100000"), "{line}");
+        histogram.join(&histogram.clone());
+        assert_eq!(histogram.answers(), 8);
+    }
+}

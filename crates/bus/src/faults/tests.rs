@@ -108,6 +108,23 @@ fn parity_sees_an_odd_number_of_flips() {
     assert!((700..2_000).contains(&unseen), "{unseen}");
 }
 
+/// A quarter of 4000 characters: 1000, give or take four times 27. Each is wrong in both ways of looking.
+#[test]
+fn characters_with_a_wrong_parity_come_as_often_as_they_should() {
+    let mut faults = noise(|noise| noise.character_errors = 0.25);
+    let (mut in_requests, mut in_replies) = (0, 0);
+    for _ in 0..4_000 {
+        let [arrived] = faults.request(&[0x5A], false)[..] else { panic!("one") };
+        assert_eq!(arrived.octet, if arrived.error { 0xA5 } else { 0x5A });
+        in_requests += u32::from(arrived.error);
+        in_replies += u32::from(faults.reply(&[0x5A]).characters[0].error);
+    }
+    assert!((890..1_110).contains(&in_requests), "{in_requests}");
+    assert!((890..1_110).contains(&in_replies), "{in_replies}");
+    let counters = faults.counters();
+    assert_eq!(counters.damaged_request_characters, u64::from(in_requests));
+}
+
 #[test]
 fn faults_by_request_meet_the_octet_they_are_for() {
     let mut faults = Faults::default();

@@ -16,9 +16,12 @@ mod gsd;
 mod http;
 mod master;
 mod output;
+mod pages;
+mod plot;
 mod recording;
 mod replay;
 mod run;
+mod samples;
 mod scaling;
 mod scenario;
 mod search;
@@ -52,6 +55,7 @@ enum Command {
     Conformance(Box<conformance::Conformance>),
     /// Listen to a bus without sending, and keep what is on it as pcapng
     Capture(capture_command::Capture),
+    Plot(plot::Plot),
     /// Send a capture's requests to a slave again, and compare its answers
     Replay(replay::Replay),
     /// Telegrams in words: from arguments, a file, a capture or standard input
@@ -90,6 +94,7 @@ fn main() -> ExitCode {
         Some(Command::Master(master)) => master.run(),
         Some(Command::Conformance(conformance)) => conformance.run(),
         Some(Command::Capture(capture)) => capture.run(),
+        Some(Command::Plot(plot)) => plot.run(),
         Some(Command::Replay(replay)) => replay.run(),
         Some(Command::Decode(decode)) => decode.run(),
         Some(Command::Scaling(scaling)) => scaling.run(),

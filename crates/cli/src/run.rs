@@ -27,6 +27,7 @@ use crate::gsd::Offer;
 use crate::http::Browser;
 use crate::output;
 use crate::recording::Capture;
+use crate::samples;
 use crate::search::Searches;
 use crate::thinning::Thinning;
 
@@ -37,7 +38,8 @@ use crate::thinning::Thinning;
 #[derive(Debug, Args)]
 pub(crate) struct Run {
     /// A scenario file: its segments on their ports, and its events in real time; docs/scenarios.md has
-    /// what stands in it. Beside it --control, --capture and --http can be given
+    /// what stands in it. Beside it --control, --capture, --record and --http can be
+    /// given
     #[arg(value_name = "FILE", conflicts_with_all = ["port", "link", "baud", "pace", "switches", "bits", "ident",
         "gsd", "serial", "state", "reset_state", "shaft", "supply", "temperature", "light", "battery",
         "termination", "reply_limit", "max_tsdr", "further"])]
@@ -119,6 +121,8 @@ pub(crate) struct Run {
     control: Option<ControlAddress>,
     #[command(flatten)]
     capture: Capture,
+    #[command(flatten)]
+    record: samples::Options,
     /// A reply that would start later than this is not sent
     #[arg(long, default_value_t = 10, value_parser = arguments::whole::<u64>(1..=60_000), value_name = "MS", allow_negative_numbers = true)]
     reply_limit: u64,
@@ -144,7 +148,13 @@ impl Run {
     /// Runs until it is told to end.
     pub(crate) fn run(&self) -> Result<(), Failure> {
         if let Some(file) = &self.scenario {
-            return crate::scenario::live::run(file, self.control.as_ref(), &self.capture, &self.http);
+            return crate::scenario::live::run(
+                file,
+                self.control.as_ref(),
+                &self.capture,
+                &self.record,
+                &self.http,
+            );
         }
         self.check_port()?;
         let (to_main, wakes) = mpsc::channel();
@@ -179,6 +189,7 @@ impl Run {
         for note in notes.into_iter().chain(shared) {
             output::line(&note);
         }
+        let recording = self.record.start_with(&plant, &subscriptions)?;
         plant.start_shafts().map_err(failed)?;
         let end = end_of(&to_main);
         let control = serve_control(self.control.as_ref(), plant.handle(), subscriptions.clone(), end)?;
@@ -195,7 +206,7 @@ impl Run {
         tell_until_end(&wakes);
         drop(http);
         drop(control);
-        plant.stop().map_err(failed).and(captures.end())
+        samples::stop(plant, recording).and(captures.end())
     }
 
     /// What does not go together with this --port.

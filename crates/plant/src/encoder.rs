@@ -20,6 +20,7 @@ pub use surroundings::Reason;
 
 use crate::machine::Machine;
 use crate::report::{Reporter, What};
+use crate::sample::{DeviceSample, Sample, Samplings};
 use crate::shaft::Shaft;
 use crate::snapshot::{DeviceSnapshot, MachineSnapshot, Snapshot};
 use crate::store::{Store, StoreError};
@@ -81,6 +82,7 @@ pub struct EncoderStation {
     /// For the units of the machine.
     machine: Option<Machine>,
     too_fast: bool,
+    samplings: Samplings,
     reply: [u8; MAX_OCTETS],
 }
 
@@ -100,6 +102,7 @@ impl EncoderStation {
             model: None,
             machine: None,
             too_fast: false,
+            samplings: Samplings::default(),
             reply: [0; MAX_OCTETS],
         };
         if station.setup.world.is_powered() {
@@ -217,6 +220,30 @@ impl EncoderStation {
         }
     }
 
+    /// What it is like at `at`, which is not before any earlier latch.
+    pub(crate) fn sample(&mut self, at: Instant) -> Sample<'_> {
+        self.latch(at);
+        let variant = self.setup.identity.variant;
+        let shaft_position = self.setup.shaft.at(at, variant);
+        let rpm = self.setup.shaft.rpm(at);
+        let World(measured) = self.setup.world;
+        let machine = self.machine();
+        Sample {
+            at,
+            shaft_position,
+            rpm,
+            machine: machine.map(|machine| (machine.position(shaft_position, variant), &*machine.unit)),
+            supply_mv: measured.supply_mv,
+            temperature_tenths: measured.temperature_tenths,
+            device: self.device().map(DeviceSample::of),
+        }
+    }
+
+    #[inline]
+    pub(crate) fn samplings_mut(&mut self) -> &mut Samplings {
+        &mut self.samplings
+    }
+
     fn set_power(&mut self, now: Instant) -> Result<(), StoreError> {
         let powered = self.setup.world.is_powered() && !self.injected.switched_off;
         match (powered, self.device.is_some()) {
@@ -299,6 +326,7 @@ impl EncoderStation {
     /// Takes the latches up to `now` that matter.
     #[inline]
     fn latch(&mut self, now: Instant) {
+        self.take_samples(now);
         let Some(device) = &mut self.device else {
             return;
         };

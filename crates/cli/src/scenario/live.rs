@@ -20,12 +20,14 @@ use crate::run::{
     end_of, end_on_signals, failed, forward_reports, note_on_address, note_on_state, serve_control,
     shared_addresses, tell_address, tell_until_end,
 };
+use crate::samples;
 
 /// Runs until it is told to end.
 pub(crate) fn run(
     file: &Path,
     control: Option<&ControlAddress>,
     capture: &Capture,
+    record: &samples::Options,
     http: &Browser,
 ) -> Result<(), Failure> {
     let Loaded { plan, .. } = load(file)?;
@@ -52,6 +54,7 @@ pub(crate) fn run(
     for start in plan.starts() {
         handle.apply(&start).map_err(failed)?;
     }
+    let recording = record.start_with(&plant, &subscriptions)?;
     plant.start_shafts().map_err(failed)?;
     let control = serve_control(control, handle.clone(), subscriptions.clone(), end_of(&to_main))?;
     tell_address(control.as_ref());
@@ -65,7 +68,7 @@ pub(crate) fn run(
     drop(http);
     drop(control);
     drop(links);
-    plant.stop().map_err(failed).and(captures.end())
+    samples::stop(plant, recording).and(captures.end())
 }
 
 /// Opens a segment's port and puts its encoders there.

@@ -20,6 +20,7 @@ use crate::arguments::control_address;
 use crate::output;
 use crate::recording::Capture;
 use crate::run::{failed, serve_control};
+use crate::samples::{self, Recording};
 
 #[derive(Debug, Args)]
 pub(crate) struct Play {
@@ -42,6 +43,8 @@ pub(crate) struct Play {
     control: Option<ControlAddress>,
     #[command(flatten)]
     capture: Capture,
+    #[command(flatten)]
+    record: samples::Options,
 }
 
 fn speed(text: &str) -> Result<f64, String> {
@@ -61,6 +64,7 @@ impl Play {
         let bench = Bench::new(&plan).map_err(failed)?;
         let segments: Vec<_> = plan.segments.iter().map(|segment| (&*segment.name, &*segment.name)).collect();
         let captures = self.capture.start(bench.handle(), &segments, true)?;
+        let recording = self.record.start_virtual(bench.handle())?;
         let end = Arc::clone(&ended);
         let control =
             serve_control(self.control.as_ref(), bench.handle().clone(), subscriptions.clone(), move || {
@@ -77,10 +81,11 @@ impl Play {
             begun: Moment::now(),
             ended,
             subscriptions,
+            recording,
         };
         let outcome = play(bench, &plan, &source, &mut watch).map_err(failed)?;
         drop(control);
-        captures.end()?;
+        captures.end().and(samples::end(watch.recording))?;
         if self.json {
             output::json(&outcome);
         } else {
@@ -113,15 +118,22 @@ struct Watch {
     begun: Moment,
     ended: Arc<AtomicBool>,
     subscriptions: Subscriptions,
+    recording: Option<Recording>,
 }
 
 impl Progress for Watch {
     fn longest_step(&self) -> Duration {
-        match self.speed {
+        let step = match self.speed {
             // Twenty milliseconds of real time, so that Ctrl-C is not waited for.
             Some(speed) => Duration::from_nanos(nanos(20e6 * speed).max(1_000)),
             None => Duration::from_secs(1),
-        }
+        };
+        // What is recorded waits for the end of its step, in memory.
+        if self.recording.is_some() { step.min(Duration::from_millis(100)) } else { step }
+    }
+
+    fn stepped(&mut self, to: Instant) {
+        self.recording.iter().for_each(|recording| recording.step(to));
     }
 
     fn step(&mut self, to: Instant) -> ControlFlow<()> {
@@ -135,6 +147,7 @@ impl Progress for Watch {
 
     fn report(&mut self, report: &Report) {
         self.subscriptions.publish(report);
+        self.recording.iter().for_each(|recording| recording.report(report));
         if self.events {
             #[expect(clippy::cast_precision_loss, reason = "for reading only")]
             let seconds = report.at.as_nanos() as f64 / 1e9;

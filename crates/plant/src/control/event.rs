@@ -77,6 +77,11 @@ fn fields(value: Value) -> Map<String, Value> {
     }
 }
 
+/// What it is in one word, one of [`EVENT_KINDS`] in nearly all cases.
+pub fn event_kind(what: &What) -> &'static str {
+    describe(what).0
+}
+
 fn describe(what: &What) -> (&'static str, Value) {
     let rate = |rate: &Option<Baudrate>| json!({ "rate": rate.map(Baudrate::bits_per_second) });
     match what {

@@ -24,7 +24,7 @@ pub use apply::{Applied, Steer};
 pub use check::ControlError;
 pub use commands::{COMMANDS, CommandHelp};
 pub use envelope::{Envelope, RefusedLine, Reply};
-pub use event::{EVENT_KINDS, EventLine};
+pub use event::{EVENT_KINDS, EventLine, event_kind};
 pub use request::Request;
 pub use server::{ControlAddress, ControlAddressError, MOST_CONNECTIONS, MOST_OCTETS, Server, Turns};
 pub(crate) use shafts::Couplings;

@@ -82,13 +82,16 @@ impl EncoderStation {
         if self.model.is_some() {
             self.live_on(now);
         }
+        self.take_samples(now);
     }
 
     #[cold]
     fn live_on(&mut self, now: Instant) {
         while let Some(due) = self.model.as_ref().and_then(|model| model.due()).filter(|due| *due <= now) {
+            self.take_samples(due);
             self.go_to(due);
         }
+        self.take_samples(now);
         self.go_to(now);
     }
 

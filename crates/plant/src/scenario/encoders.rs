@@ -15,7 +15,7 @@ use super::keys::TERMINATIONS;
 use super::quantity::{Scale, Travel};
 use super::reader::{At, Reader, error_in_short};
 use super::{EncoderPlan, LONGEST, segments, starts};
-use crate::control::ShaftSpec;
+use crate::control::{Request, ShaftSpec};
 use crate::machine::Machine;
 use crate::shaft::{Shaft, ShaftError};
 use crate::world::World;
@@ -157,7 +157,7 @@ fn encoder(table: &Reader<'_>, name: String) -> Found {
         Some("one") => Termination::One,
         _ => Termination::Auto,
     };
-    let starts = starts::read(table);
+    let mut starts = starts::read(table);
     let gsd = table.text("gsd");
     if let Some(At { span, .. }) = gsd.as_ref().filter(|_| table.raw("ident").is_some()) {
         table.fault(
@@ -175,6 +175,13 @@ fn encoder(table: &Reader<'_>, name: String) -> Found {
         );
     }
     let shaft = shaft(table, variant);
+    let units = per_revolution.as_ref().filter(|_| shaft.machine().is_none()).map(|travel| travel.value);
+    let scale = scale(table, per_revolution, starts::machine(&starts), &shaft, variant);
+    // Snapshots and recordings have the unit, too.
+    starts.extend(units.map(|Travel { value, unit }| Request::Units {
+        encoder: None,
+        machine: Some(Machine::linear(unit.symbol(), value)),
+    }));
     let joins_at = table.time("joins_at", Duration::ZERO, LONGEST);
     if joins_at.is_some() && table.raw("joined").is_some() {
         let message = "`joins_at` and `joined` both say whether it is there at the start";
@@ -187,7 +194,7 @@ fn encoder(table: &Reader<'_>, name: String) -> Found {
         gsd: gsd.map(|gsd| gsd.value.into()),
         state: table.text("state").map(|state| state.value.into()),
         termination: TerminationSwitches::OFF,
-        scale: scale(table, per_revolution, starts::machine(&starts), &shaft, variant),
+        scale,
         shaft,
         world: world(table),
         starts,

@@ -26,6 +26,16 @@ pub enum Unit {
     Degree,
 }
 
+impl Unit {
+    /// As units of a machine are called.
+    pub fn symbol(self) -> &'static str {
+        match self {
+            Self::Metre => "m",
+            Self::Degree => "deg",
+        }
+    }
+}
+
 /// What turns the position that a master reads into units of the machine.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scale {

@@ -51,6 +51,11 @@ pub trait Progress {
         ControlFlow::Continue(())
     }
 
+    /// It has come to this moment; everything that happened before was reported.
+    fn stepped(&mut self, to: Instant) {
+        let _ = to;
+    }
+
     /// Something has happened.
     fn report(&mut self, report: &Report) {
         let _ = report;
@@ -161,6 +166,7 @@ fn go_on(
             progress.report(&report);
             judge.note(&report);
         }
+        progress.stepped(to);
         if to >= until {
             return Ok(ControlFlow::Continue(()));
         }

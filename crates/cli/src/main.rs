@@ -16,7 +16,6 @@ mod gsd;
 mod http;
 mod master;
 mod output;
-mod pages;
 mod plot;
 mod recording;
 mod replay;

@@ -18,6 +18,7 @@ mod master;
 mod outputs;
 mod pyprofibus;
 mod readme;
+mod recordings;
 mod refusals;
 mod scenario;
 mod serial;

@@ -1,11 +1,13 @@
 //! The project's own tasks: `cargo xtask setup | check | test | bench | traceability | recording`.
 
 mod bench;
+mod book;
 mod debian;
 mod firmware;
 mod image;
 mod measure;
 mod no_panic;
+mod package;
 mod process;
 mod project;
 mod recording;
@@ -33,6 +35,8 @@ Usage: cargo xtask TASK
   firmware run [OPTIONS]     the image in an emulator, for a master of yours; --help: its options
   soak [--hours H] [--seed N]
                              hours of bus time within minutes, all that must hold looked at; docs/soak.md
+  book                       docs as a book below target/book, its links looked at
+  deb                        a Debian package below target/package
   traceability               every requirement has tests, and they exist
   recording                  docs/demo.svg anew: the demonstration as a moving picture";
 
@@ -73,6 +77,16 @@ fn task(words: &[&str]) -> Option<Task> {
             Box::new(move |project| firmware::emulate(project, &options))
         }
         ["recording"] => Box::new(recording::record),
+        ["book"] => Box::new(|project| {
+            let tools = setup::Tools::find(project);
+            let mdbook = tools.mdbook.ok_or("mdbook is missing. To install it: cargo xtask setup --yes")?;
+            println!("{}", book::build(project, &mdbook)?.display());
+            Ok(())
+        }),
+        ["deb"] => Box::new(|project| {
+            println!("{}", package::build(project)?.display());
+            Ok(())
+        }),
         ["bench", options @ ..] => {
             let options = bench::Options::parse(options)?;
             Box::new(move |project| bench::run(project, &options))

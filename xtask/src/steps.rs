@@ -8,7 +8,7 @@ use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::setup::{self, Tools};
 use crate::tally::Tally;
-use crate::{bench, firmware, measure, no_panic, traceability};
+use crate::{bench, book, firmware, measure, no_panic, package, traceability};
 
 /// One thing that a run does.
 struct Step {
@@ -32,13 +32,15 @@ const DAILY: [Step; 4] = [
     Step { name: "traceability", work: traced },
 ];
 
-const REST: [Step; 7] = [
+const REST: [Step; 9] = [
     Step { name: "doc", work: doc },
     Step { name: "doc tests", work: doc_tests },
     Step { name: "no-panic", work: no_panic::prove },
     Step { name: "m4 image", work: m4_image },
     Step { name: "firmware", work: firmware::step },
     Step { name: "firmware logic", work: firmware::logic_tests },
+    Step { name: "book", work: the_book },
+    Step { name: "package", work: the_package },
     Step { name: "figures", work: bench::gate },
 ];
 
@@ -198,6 +200,25 @@ pub(crate) fn counted(name: &str, project: &Project, mut command: Command) -> Re
 fn traced(run: &Run<'_>) -> Result<Tally, String> {
     println!("{}", traceability::check(&run.project.root)?);
     Ok(Tally::of_one("traceability", true))
+}
+
+fn the_book(run: &Run<'_>) -> Result<Tally, String> {
+    let Some(mdbook) = &run.tools.mdbook else {
+        let mut tally = Tally::default();
+        tally.skip("book", "no mdbook");
+        return Ok(tally);
+    };
+    book::build(run.project, mdbook)?;
+    Ok(Tally::of_one("book", true))
+}
+
+fn the_package(run: &Run<'_>) -> Result<Tally, String> {
+    if !has_program("dpkg-deb") {
+        let mut tally = Tally::default();
+        tally.skip("package", "no dpkg-deb: Debian's packages are built on Debian");
+        return Ok(tally);
+    }
+    package::prove(run.project)
 }
 
 fn m4_image(run: &Run<'_>) -> Result<Tally, String> {

@@ -16,6 +16,7 @@ mod gsd;
 mod http;
 mod master;
 mod output;
+mod pages;
 mod plot;
 mod recording;
 mod replay;
@@ -69,6 +70,10 @@ enum Command {
     Scenario(scenario::Scenario),
     /// Steer encoders that run with --control: shaft, world, power, faults, snapshot, events
     Ctl(ctl::Ctl),
+    /// The script that lets a shell complete commands and options
+    Completions(pages::Completions),
+    /// Man pages, or all commands on one page
+    Man(pages::Man),
 }
 
 /// Why a command did not do what it was asked to.
@@ -104,6 +109,11 @@ fn main() -> ExitCode {
         }
         Some(Command::Scenario(scenario)) => scenario.run(),
         Some(Command::Ctl(ctl)) => ctl.ctl(),
+        Some(Command::Completions(completions)) => {
+            completions.run();
+            Ok(())
+        }
+        Some(Command::Man(man)) => man.run(),
     };
     let lost = output::lost().filter(|_| !tells);
     let result = result.and_then(|()| lost.map_or(Ok(()), |lost| Err(Failure::Failed(lost))));

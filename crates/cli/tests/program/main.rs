@@ -16,6 +16,7 @@ mod forgetful;
 mod kill;
 mod master;
 mod outputs;
+mod pages;
 mod pyprofibus;
 mod readme;
 mod recordings;

@@ -17,6 +17,7 @@
 //! assert_eq!(read.findings[1].octets, [8, 8]);
 //! ```
 
+mod comparison;
 mod encoder;
 mod refusals;
 mod standard;
@@ -26,6 +27,7 @@ use std::fmt;
 
 use serde::Serialize;
 
+pub use comparison::{Difference, StartUp};
 pub use refusals::{of_address, of_configuration, of_event, of_parameters, of_preset, of_refusal};
 
 use crate::conversation::Profile;

@@ -209,7 +209,7 @@ pub(crate) fn encoder_type(kind: u32) -> &'static str {
 }
 
 /// The variant by its resolution, if it is one that this device exists in.
-fn variant(diagnostics: &Diagnostics) -> Option<Variant> {
+pub(crate) fn variant(diagnostics: &Diagnostics) -> Option<Variant> {
     let bits =
         |number: u32| number.is_power_of_two().then(|| u8::try_from(number.trailing_zeros()).ok()).flatten();
     let singleturn = bits(diagnostics.singleturn_resolution)?;

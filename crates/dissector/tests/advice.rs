@@ -1,6 +1,6 @@
 //! What a diagnosis means and what to do: octets by hand, from the tables of the manual (4.2) and of the standard.
 
-use dissector::advice::{self, Diagnosis, Finding, Level};
+use dissector::advice::{self, Diagnosis, Difference, Finding, Level, StartUp};
 use profibus_dp::dp::{Refusal, Service};
 use sch108bex::diagnostics::{Alarms, Warnings};
 use sch108bex::event::{Event, PositionErrorCause};
@@ -258,4 +258,91 @@ fn documents_have_names_that_do_not_change() {
     assert_eq!(document["octets"], serde_json::json!([8, 8]));
     assert_eq!((&document["bit"], &document["level"]), (&1.into(), &"alarm".into()));
     assert_eq!(document["name"], "Supply Voltage Error");
+}
+
+/// 16x15, ident 1234h, Scancon 2.0, 3600 units a turn in a range of 7200.
+const SET_PRM: [u8; 26] = [
+    0x88, 1, 100, 11, 0x12, 0x34, 0, 0x00, 0x0A, 0, 0, 0x0E, 0x10, 0, 0, 0x1C, 0x20, 0, 0, 0, 0, 0, 0, 0, 0,
+    1,
+];
+const CFG: [u8; 3] = [0xF1, 0xD1, 0xD1];
+
+fn refused(first: u8) -> Vec<u8> {
+    vec![first, 0x05, 0, 0xFF, 0x12, 0x34, 10, 0, 0, 2, 0, 1, 0, 0, 0x80, 0]
+}
+
+fn sent(changes: &[(usize, u8)]) -> Vec<u8> {
+    let mut octets = SET_PRM.to_vec();
+    for (number, octet) in changes {
+        octets[number - 1] = *octet;
+    }
+    octets
+}
+
+#[track_caller]
+fn only(set_prm: &[u8], chk_cfg: &[u8], diagnosis: &[u8], get_cfg: Option<&[u8]>) -> Difference {
+    let mut all = StartUp { set_prm, chk_cfg, diagnosis, get_cfg }.differences();
+    assert_eq!(all.len(), 1, "{all:?}");
+    all.remove(0)
+}
+
+#[test]
+fn a_start_up_that_went_well_has_no_difference() {
+    let start_up = StartUp { set_prm: &SET_PRM, chk_cfg: &CFG, diagnosis: &QUIET, get_cfg: Some(&CFG) };
+    assert_eq!(start_up.differences(), []);
+    assert_eq!(StartUp { diagnosis: &QUIET[..5], ..start_up }.differences(), []);
+}
+
+#[test]
+fn refused_parameters_are_told_by_their_octet() {
+    let fault = refused(0x42);
+    for (changes, octets, sent_words, expected) in [
+        (&[(5, 0x47), (6, 0x11)][..], [5, 6], "4711h", "1234h"),
+        (&[(1, 0x8A)], [1, 1], "8Ah", "bits 0 to 2 off"),
+        (&[(3, 0)], [3, 3], "00h", "1 to 255"),
+        (&[(8, 0x80)], [8, 8], "80h", "00h"),
+        (&[(9, 0x08)], [9, 9], "08", "must be on"),
+        // 65537 units, in octets 10-13.
+        (&[(11, 1), (12, 0), (13, 1)], [10, 13], "00 01 00 01", "at most 65536"),
+        (&[(16, 0), (17, 0)], [14, 17], "00 00 00 00", "1 to 2147483648"),
+        (&[(20, 5)], [20, 20], "05", "must be 0"),
+        (&[(26, 4)], [26, 26], "04", "must be 0 (10 ms)"),
+    ] {
+        let difference = only(&sent(changes), &CFG, &fault, Some(&CFG));
+        assert_eq!((difference.telegram, difference.octets), ("Set_Prm", Some(octets)), "{difference:?}");
+        assert_eq!(difference.sent, sent_words);
+        assert!(difference.expected.contains(expected), "{difference:?}");
+        assert!(!difference.advice.is_empty() && !difference.text.is_empty());
+    }
+    let short = only(&SET_PRM[..24], &CFG, &fault, None);
+    assert_eq!((short.octets, short.sent.as_str()), (None, "24 octets"));
+}
+
+#[test]
+fn a_refused_configuration_is_told_by_its_octet_and_lengths() {
+    let fault = refused(0x06);
+    let wrong = only(&SET_PRM, &[0xF1, 0xD0], &fault, Some(&CFG));
+    assert_eq!((wrong.telegram, wrong.octets), ("Chk_Cfg", Some([2, 2])));
+    assert_eq!((wrong.sent.as_str(), wrong.expected.as_str()), ("D0h", "D1h"));
+    for words in ["F1 D0 (6 in, 4 out)", "F1 D1 D1 (12 in, 4 out)", "F1 D3"] {
+        assert!(wrong.text.contains(words), "{wrong:?}");
+    }
+    let longer = only(&SET_PRM, &[0xF1, 0xD1, 0xD1, 0xD1], &fault, Some(&CFG));
+    assert_eq!((longer.octets, longer.expected.as_str()), (Some([4, 4]), "nothing"));
+    // Class 2 needs 25 octets of parameters.
+    let parameters = only(&SET_PRM[..9], &[0xF1], &fault, Some(&[0xD1]));
+    assert_eq!((parameters.telegram, parameters.octets), ("Set_Prm", None));
+    assert_eq!((parameters.sent.as_str(), parameters.expected.as_str()), ("9 octets", "25 octets"));
+    let unknown = StartUp { set_prm: &SET_PRM, chk_cfg: &[0xF1, 0xD0], diagnosis: &fault, get_cfg: None };
+    assert_eq!(unknown.differences(), [], "nothing is guessed");
+}
+
+#[test]
+fn another_scaling_in_force_is_told() {
+    // The device reduced 7201 to 7200, as other makers' encoders do.
+    let difference = only(&sent(&[(17, 0x21)]), &CFG, &QUIET, Some(&CFG));
+    assert_eq!((difference.telegram, difference.octets), ("Slave_Diag", Some([44, 47])));
+    assert_eq!((difference.sent.as_str(), difference.expected.as_str()), ("7201", "7200"));
+    let off = sent(&[(9, 0x02), (17, 0x21)]);
+    assert_eq!(StartUp { set_prm: &off, chk_cfg: &CFG, diagnosis: &QUIET, get_cfg: None }.differences(), []);
 }

@@ -7,7 +7,7 @@ use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::{Duration as Time, SystemTime};
 
-use bus::port::{PortAddress, open_for_master};
+use bus::port::PortAddress;
 use clap::{Args, ValueEnum};
 use conformance::report::{self, Run, Tally};
 use conformance::{
@@ -17,6 +17,7 @@ use conformance::{
 use profibus_dp::time::{Baudrate, Duration};
 
 use crate::arguments::{ident_number, whole};
+use crate::commission::place::open_end;
 use crate::{Failure, output};
 use device::{described, facts};
 use progress::Progress;
@@ -65,8 +66,8 @@ pub(crate) struct Conformance {
     #[arg(long)]
     hears_idle: bool,
     /// How long a reply may take at most, in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 1_000, value_parser = whole::<u64>(1..=60_000), allow_negative_numbers = true)]
-    patience: u64,
+    #[arg(long, alias = "patience", value_name = "MS", default_value_t = 1_000, value_parser = whole::<u64>(1..=60_000), allow_negative_numbers = true)]
+    reply_within: u64,
     /// Requests with low priority, wherever a case does not say otherwise
     #[arg(long)]
     srd_low: bool,
@@ -160,10 +161,9 @@ impl Conformance {
     }
 
     fn open(&self, port: &PortAddress) -> Result<PortRig, Failure> {
-        let end = open_for_master(port, self.baud, COMING)
-            .map_err(|error| Failure::Failed(format!("--port {port}: {error}")))?;
+        let end = open_end(port, self.baud, COMING)?;
         let rig = PortRig::new(end, self.baud, is_stream(port) && !self.hears_idle)
-            .with_patience(Time::from_millis(self.patience));
+            .with_patience(Time::from_millis(self.reply_within));
         let Some(path) = &self.control else { return Ok(rig) };
         let control = ControlSocket::connect(path, self.encoder.as_deref()).map_err(|error| {
             Failure::Failed(format!(

@@ -7,6 +7,7 @@
 
 mod arguments;
 mod capture_command;
+mod commission;
 mod conformance;
 mod ctl;
 mod datasheet;
@@ -50,6 +51,11 @@ enum Command {
     Demo(demo::Options),
     /// Put virtual encoders on a bus for your own master: a pseudo terminal, TCP, a Unix socket or a serial device
     Run(Box<run::Run>),
+    Scan(commission::scan::Scan),
+    Diag(commission::diag::Diag),
+    Monitor(Box<commission::monitor::Monitor>),
+    Preset(Box<commission::preset::Preset>),
+    SetAddress(commission::address::SetAddress),
     /// Be a master: find stations, ask them, give them an address, exchange data with one
     Master(Box<master::Master>),
     Conformance(Box<conformance::Conformance>),
@@ -95,6 +101,11 @@ fn main() -> ExitCode {
         None => demo::demo(&cli.demo),
         Some(Command::Demo(options)) => demo::demo(&options),
         Some(Command::Run(run)) => run.run(),
+        Some(Command::Scan(scan)) => scan.run(),
+        Some(Command::Diag(diag)) => diag.run(),
+        Some(Command::Monitor(monitor)) => monitor.run(),
+        Some(Command::Preset(preset)) => preset.run(),
+        Some(Command::SetAddress(change)) => change.run(),
         Some(Command::Master(master)) => master.run(),
         Some(Command::Conformance(conformance)) => conformance.run(),
         Some(Command::Capture(capture)) => capture.run(),

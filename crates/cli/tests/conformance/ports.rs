@@ -191,8 +191,18 @@ fn answer(stream: &mut TcpStream, request: &[u8], owner: u8) {
 #[test]
 fn a_slave_that_breaks_a_rule_is_told_and_ends_with_1() {
     let port = poor_slave(0xFF);
-    let output =
-        conformance(&["--port", &port, "--profile", "dp-v0", "--patience", "50", "--case", "1", "2", "128"]);
+    let output = conformance(&[
+        "--port",
+        &port,
+        "--profile",
+        "dp-v0",
+        "--reply-within",
+        "50",
+        "--case",
+        "1",
+        "2",
+        "128",
+    ]);
     assert_eq!(output.status.code(), Some(1));
     let (printed, errors) = (text(&output.stdout), text(&output.stderr));
     assert!(printed.contains("fail 1 "), "{printed}");
@@ -235,7 +245,7 @@ fn a_line_is_given_its_times() {
 #[test]
 fn whoever_is_not_there_is_told_with_what_to_look_at() {
     let encoder = Encoder::run(&[]);
-    let output = conformance(&["--port", &encoder.port, "--address", "9", "--patience", "50"]);
+    let output = conformance(&["--port", &encoder.port, "--address", "9", "--reply-within", "50"]);
     assert_eq!(output.status.code(), Some(1));
     let errors = text(&output.stderr);
     assert!(

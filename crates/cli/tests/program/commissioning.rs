@@ -188,6 +188,10 @@ fn a_master_can_wait_for_its_slaves() {
     let Ended { status, errors, .. } = end_of(&mut alone);
     assert_eq!(status, Some(1));
     assert!(errors.contains("nobody has connected") && errors.contains("--wait"), "{errors}");
+    // Any port that is free is told, or nobody could connect.
+    let here =
+        errors.lines().find_map(|line| line.strip_prefix("waiting for the slave's side at tcp:127.0.0.1:"));
+    assert!(here.is_some_and(|port| port.parse::<u16>().is_ok_and(|port| port > 0)), "{errors}");
 }
 
 #[test]
@@ -200,7 +204,9 @@ fn wrong_arguments_are_sentences() {
         (&["--port", "/dev/null", "--baud", "115200", "status"], "PROFIBUS has these rates"),
         (&["--port", "/dev/null", "--address", "2", "status"], "--master-address"),
         (&["--port", "/dev/null", "set-address", "127"], "from 0 to 126"),
-        (&["--port", "/dev/null", "run"], "--gsd"),
+        (&["--port", "/dev/null", "run", "--units", "360"], "--range"),
+        (&["--port", "/dev/null", "run", "--class", "2", "--gsd", "x"], "cannot be used with"),
+        (&["--port", "pty", "status"], "nobody is behind"),
         (&["--port", "/dev/null", "run", "--prm", "00"], "--cfg"),
         (&["--port", "/dev/null", "run", "--prm", "0", "--cfg", "D1"], "two digits"),
         (&["--port", "/dev/null", "run", "--prm", "00", "--cfg", "40", "--outputs", "00"], "cut off"),
@@ -215,9 +221,7 @@ fn wrong_arguments_are_sentences() {
         assert_eq!((status, output.as_str()), (Some(2), ""), "{arguments:?}: {errors}");
         assert!(errors.contains(words), "{arguments:?}: no `{words}` in {errors}");
     }
-    for (port, words) in
-        [("pty", "nobody is behind"), ("/dev/null", "/dev/null"), ("unix:/nowhere", "nowhere")]
-    {
+    for (port, words) in [("/dev/null", "/dev/null"), ("unix:/nowhere", "nowhere")] {
         let mut command = program();
         let Ended { status, errors, .. } =
             end_of(command.args(["master", "--port", port, "--wait", "0", "status"]));

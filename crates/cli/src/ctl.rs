@@ -2,6 +2,7 @@
 
 mod commands;
 mod connection;
+mod order;
 mod pairs;
 mod show;
 

@@ -1,7 +1,11 @@
 //! What measuring units and a total measuring range mean, before anybody parameterizes them
 //! (manual 4.1.1 to 4.1.3).
 
+mod machine;
+
 use std::fmt::Write;
+
+pub use machine::{Advice, Chosen, Gear, Machine, MachineError, digits};
 
 use sch108bex::functionality::Functionality;
 use sch108bex::parameterization::{ParameterLength, Parameters};
@@ -19,6 +23,8 @@ pub struct Wish {
     pub units: u32,
     /// Total measuring range in units, any number.
     pub range: u32,
+    /// Octet 9 bit 3: without it the two are ignored, and positions are physical steps.
+    pub scaling: bool,
 }
 
 /// Everything that there is to say about a [`Wish`].
@@ -30,6 +36,8 @@ pub struct Plan {
     pub units_per_revolution: Number,
     /// Octets 14-17 of Set_Prm.
     pub total_range: Number,
+    /// Whether scaling is on; off, the numbers above are ignored, and what follows is for physical steps.
+    pub scaling: bool,
     /// Whether the device takes it.
     pub allowed: bool,
     /// Why not, in sentences with the manual's section.
@@ -78,6 +86,10 @@ pub struct Consequences {
     pub set_prm_class_2: String,
     /// Set_Prm from octet 9 on, Scancon 2.0 with the default time base: octets 9 to 26.
     pub set_prm_scancon_2: String,
+    /// The same from octet 8 on as a GSD file has it: constants of a module of class 2.
+    pub gsd_class_2: String,
+    /// Likewise of Scancon 2.0.
+    pub gsd_scancon_2: String,
 }
 
 impl Number {
@@ -107,13 +119,34 @@ impl Wish {
         let double_word = |at: usize| {
             from_octet_9[at..at + 4].iter().fold(0, |value: u32, octet| (value << 8) | u32::from(*octet))
         };
-        Ok(Self { variant, units: double_word(1), range: double_word(5) })
+        let scaling = from_octet_9[0] & 0x08 != 0;
+        Ok(Self { variant, units: double_word(1), range: double_word(5), scaling })
+    }
+
+    /// A scaling that is on.
+    pub const fn scaled(variant: Variant, units: u32, range: u32) -> Self {
+        Self { variant, units, range, scaling: true }
+    }
+
+    /// What the device counts by: physical steps where scaling is off.
+    fn in_force(&self) -> Self {
+        if self.scaling {
+            return *self;
+        }
+        Self { units: self.variant.steps_per_revolution(), range: self.variant.total(), ..*self }
+    }
+
+    /// All of a Set_Prm from octet 1 on, in hexadecimal: locked, watchdog 1 s, min T_SDR 11.
+    pub fn whole_set_prm(&self, ident: u16, functionality: Functionality) -> String {
+        let [high, low] = ident.to_be_bytes();
+        let rest = self.set_prm(functionality.parameter_length(), " ");
+        format!("88 01 64 0B {high:02X} {low:02X} 00 00 {rest}")
     }
 
     fn parameters(&self, length: ParameterLength) -> Parameters {
         Parameters {
             length,
-            scaling: true,
+            scaling: self.scaling,
             measuring_units_per_revolution: self.units,
             total_measuring_range: self.range,
             ..Parameters::default_for(self.variant)
@@ -127,6 +160,7 @@ impl Wish {
             bits: self.variant.to_string(),
             units_per_revolution: Number::new(self.units),
             total_range: Number::new(self.range),
+            scaling: self.scaling,
             allowed: refusals.is_empty(),
             consequences: refusals.is_empty().then(|| self.consequences()),
             refusals,
@@ -135,6 +169,9 @@ impl Wish {
 
     /// Both limits, as the device words them.
     fn refusals(&self) -> Vec<String> {
+        if !self.scaling {
+            return Vec::new();
+        }
         let limits = [
             (
                 self.units,
@@ -155,6 +192,24 @@ impl Wish {
     }
 
     fn consequences(&self) -> Consequences {
+        let in_force = self.in_force();
+        let mut consequences = in_force.consequences_in_force();
+        if !self.scaling {
+            let Self { units, range, .. } = self;
+            let off = format!(
+                "scaling is off (octet 9 bit 3 is 0): {units} units and a range of {range} are ignored, and positions are \
+                 physical steps; set the bit, 0A or 0B in octet 9, to scale"
+            );
+            consequences.warnings.insert(0, off);
+            consequences.set_prm_class_2 = self.set_prm(ParameterLength::TwentyFive, " ");
+            consequences.set_prm_scancon_2 = self.set_prm(ParameterLength::TwentySix, " ");
+            consequences.gsd_class_2 = self.gsd(ParameterLength::TwentyFive);
+            consequences.gsd_scancon_2 = self.gsd(ParameterLength::TwentySix);
+        }
+        consequences
+    }
+
+    fn consequences_in_force(&self) -> Consequences {
         let parameters = self.parameters(ParameterLength::TwentySix);
         let scaling = Scaling::in_force(self.variant, Functionality::Scancon2, &parameters);
         let turns = self.variant.revolutions();
@@ -172,8 +227,10 @@ impl Wish {
             jump,
             jump_after_turns: turns,
             warnings: Vec::new(),
-            set_prm_class_2: self.set_prm(ParameterLength::TwentyFive),
-            set_prm_scancon_2: self.set_prm(ParameterLength::TwentySix),
+            set_prm_class_2: self.set_prm(ParameterLength::TwentyFive, " "),
+            set_prm_scancon_2: self.set_prm(ParameterLength::TwentySix, " "),
+            gsd_class_2: self.gsd(ParameterLength::TwentyFive),
+            gsd_scancon_2: self.gsd(ParameterLength::TwentySix),
         };
         consequences.warnings = self.warnings(&consequences);
         consequences
@@ -202,14 +259,19 @@ impl Wish {
         warnings
     }
 
-    fn set_prm(&self, length: ParameterLength) -> String {
+    fn set_prm(&self, length: ParameterLength, between: &str) -> String {
         let mut set_prm = [0; 26];
         let octets = self.parameters(length).emit(&mut set_prm);
         let mut text = String::new();
         for octet in &set_prm[8..octets] {
-            let _ = write!(text, "{}{octet:02X}", if text.is_empty() { "" } else { " " });
+            let _ = write!(text, "{}{octet:02X}", if text.is_empty() { "" } else { between });
         }
         text
+    }
+
+    /// The constants of a module, octet 8 first.
+    fn gsd(&self, length: ParameterLength) -> String {
+        format!("Ext_User_Prm_Data_Const(0) = 0x00,0x{}", self.set_prm(length, ",0x"))
     }
 }
 
@@ -218,7 +280,7 @@ mod tests {
     use super::*;
 
     fn plan(bits: &str, units: u32, range: u32) -> Plan {
-        Wish { variant: bits.parse().expect("bits"), units, range }.plan()
+        Wish::scaled(bits.parse().expect("bits"), units, range).plan()
     }
 
     fn vectors(category: &str) -> Vec<serde_json::Value> {
@@ -331,7 +393,7 @@ mod tests {
         let variant = Variant::FULL;
         let from_9 = [0x0A, 0, 0, 0x10, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1];
         let whole = [&[0x88, 1, 0x14, 0x0B, 0x10, 0x8B, 0, 0][..], &from_9].concat();
-        let wish = Wish { variant, units: 4_096, range: 134_217_728 };
+        let wish = Wish::scaled(variant, 4_096, 134_217_728);
         for octets in [&from_9[..], &from_9[..17], &whole, &whole[..25]] {
             assert_eq!(Wish::from_set_prm(octets, variant), Ok(wish));
         }
@@ -342,5 +404,35 @@ mod tests {
                     .contains("write octets")
             );
         }
+    }
+
+    #[test]
+    fn with_scaling_off_everything_is_allowed_and_positions_are_physical_steps() {
+        // Octet 9 is 02: class 2, no scaling; 0 units and a range of 7 would be refused.
+        let from_9 = [0x02, 0, 0, 0, 0, 0, 0, 0, 7, 0, 0, 0, 0, 0, 0, 0, 0];
+        let wish = Wish::from_set_prm(&from_9, "13x12".parse().expect("bits")).expect("17 octets");
+        let plan = wish.plan();
+        assert!(plan.allowed && !plan.scaling, "{plan:?}");
+        let consequences = plan.consequences.expect("allowed");
+        assert_eq!((consequences.highest_position, consequences.jump), ((1 << 25) - 1, 0));
+        assert!(consequences.warnings[0].starts_with("scaling is off"), "{:?}", consequences.warnings);
+        assert!(consequences.set_prm_class_2.starts_with("02 00 00 00 00 00 00 00 07"), "{consequences:?}");
+    }
+
+    // 3600 = 0E10h, 7200 = 1C20h.
+    #[test]
+    fn a_set_prm_and_the_constants_of_a_gsd_are_ready_to_be_used() {
+        let wish = Wish::scaled(Variant::FULL, 3_600, 7_200);
+        assert_eq!(
+            wish.whole_set_prm(0x4711, Functionality::Scancon2),
+            "88 01 64 0B 47 11 00 00 0A 00 00 0E 10 00 00 1C 20 00 00 00 00 00 00 00 00 01"
+        );
+        let consequences = wish.plan().consequences.expect("allowed");
+        assert_eq!(
+            consequences.gsd_class_2,
+            "Ext_User_Prm_Data_Const(0) = 0x00,0x0A,0x00,0x00,0x0E,0x10,0x00,0x00,0x1C,0x20,0x00,0x00,0x00,0x00,0x00,0x00,\
+             0x00,0x00"
+        );
+        assert!(consequences.gsd_scancon_2.ends_with(",0x00,0x01"));
     }
 }

@@ -2,6 +2,7 @@
 
 use serde_json::Value;
 
+use super::order;
 use crate::output;
 
 /// Prints what a reply has beyond that it was done.
@@ -41,7 +42,9 @@ pub(super) fn event(line: &str) -> String {
 /// One value a line, what belongs together indented.
 fn tree(value: &Value, depth: usize) {
     let indent = "  ".repeat(depth);
-    for (name, value) in value.as_object().into_iter().flatten() {
+    let mut values: Vec<_> = value.as_object().into_iter().flatten().collect();
+    values.sort_by_key(|(name, _)| order::place(name));
+    for (name, value) in values {
         let name = name.replace('_', " ");
         if value.is_object() {
             output::line(&format!("{indent}{name}:"));

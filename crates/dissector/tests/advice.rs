@@ -314,6 +314,8 @@ fn refused_parameters_are_told_by_their_octet() {
         assert!(difference.expected.contains(expected), "{difference:?}");
         assert!(!difference.advice.is_empty() && !difference.text.is_empty());
     }
+    let both = only(&sent(&[(26, 4)]), &CFG, &refused(0x46), Some(&[0xD1]));
+    assert_eq!(both.telegram, "Set_Prm", "the configuration is refused for the parameters' sake");
     let short = only(&SET_PRM[..24], &CFG, &fault, None);
     assert_eq!((short.octets, short.sent.as_str()), (None, "24 octets"));
 }

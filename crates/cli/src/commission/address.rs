@@ -77,7 +77,7 @@ impl Change {
         if to == from {
             return Err(Failure::Failed(format!("station {from} is at that address already; write another")));
         }
-        if light.status(to).map_err(failed)?.is_some() {
+        if is_somebody(light, to)? {
             return Err(Failure::Failed(format!(
                 "there is a station at address {to} already; two at one address answer at once"
             )));
@@ -96,9 +96,24 @@ impl Change {
     }
 }
 
+/// Whether anything at all comes back from an address: two stations at one answer with octets that are no telegram. One
+/// answer may be lost or late, so it is asked as often as other requests are.
+fn is_somebody(light: &mut Light, address: u8) -> Result<bool, Failure> {
+    /// Request FDL status.
+    const FDL_STATUS: u8 = 0x49;
+    let own = light.settings().address;
+    let sum = address.wrapping_add(own).wrapping_add(FDL_STATUS);
+    for _ in 0..=light.settings().retries {
+        if !light.raw(&[0x10, address, own, FDL_STATUS, sum, 0x16]).map_err(failed)?.is_empty() {
+            return Ok(true);
+        }
+    }
+    Ok(false)
+}
+
 /// An acknowledgement alone says nothing: switches may decide, and a wrong ident number is acknowledged too.
 fn look(light: &mut Light, [from, to]: [u8; 2], [found, sent]: [u16; 2]) -> Result<(), Failure> {
-    if light.status(to).map_err(failed)?.is_none() {
+    if !is_somebody(light, to)? {
         let why = if found == sent {
             "its rotary switches decide the address unless they are at 7E (126) when the power comes: turn them there, or \
              set the address itself there, and switch off and on"
@@ -116,7 +131,7 @@ fn look(light: &mut Light, [from, to]: [u8; 2], [found, sent]: [u16; 2]) -> Resu
             "at address {to} is ident number {there:04X} now, but the station had {found:04X}; somebody else came there"
         )));
     }
-    if light.status(from).map_err(failed)?.is_some() {
+    if is_somebody(light, from)? {
         return Err(Failure::Failed(format!(
             "somebody still answers at address {from}: there were two stations at it; disconnect one and look again"
         )));

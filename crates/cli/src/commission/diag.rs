@@ -64,21 +64,22 @@ impl Diag {
         let stop = until_stopped()?;
         let mut panel = if self.json { None } else { Panel::new(self.plain) };
         let begun = Instant::now();
-        let mut before: Option<Diagnosis> = None;
+        // The newest, and the one before its last change: marks stay until the next one.
+        let (mut last, mut against): (Option<Diagnosis>, Option<Diagnosis>) = (None, None);
         while !stop.load(Ordering::Relaxed)
             && self.seconds.is_none_or(|seconds| begun.elapsed().as_secs_f64() < seconds)
         {
             let now = fetch(light, address)?;
-            let changed = before.as_ref().is_none_or(|before| before.octets != now.octets);
+            let changed = last.as_ref().is_none_or(|last| last.octets != now.octets);
+            if changed {
+                against = last.take();
+            }
             match &mut panel {
-                Some(panel) => panel.draw(&lines(address, &now, before.as_ref())),
-                None if changed => self.tell(address, begun, before.as_ref(), &now),
+                Some(panel) => panel.draw(&lines(address, &now, against.as_ref())),
+                None if changed => self.tell(address, begun, against.as_ref(), &now),
                 None => {}
             }
-            // On a terminal marks stay until the next change.
-            if changed || before.is_none() {
-                before = Some(now);
-            }
+            last = Some(now);
             std::thread::sleep(Duration::from_millis(self.every.into()));
         }
         Ok(())
@@ -191,7 +192,7 @@ mod tests {
         assert!(place("*alarm    Supply Voltage Error (octet 8 bit 1)") < place("octets 0A 07"), "{text}");
         assert!(place("-> measure between VSUP and GND") < place("octets 0A 07"), "{text}");
         place("*      8  encoder.alarms = 2  alarm: supply voltage");
-        place("\n    5-6  Ident_Number");
+        place("\n     5-6  Ident_Number");
         assert!(!lines(5, &now, Some(&now)).join("\n").contains('*'));
         assert!(lines(5, &before, Some(&now)).join("\n").contains("*gone: alarm Supply Voltage Error"));
     }

@@ -12,7 +12,7 @@ use crate::{Failure, output};
 pub(crate) const NOBODY: &str = "nobody answers at any address; check the rate, the wiring and the power";
 
 /// Without a terminal a line now and then.
-const LINE_EVERY: Duration = Duration::from_secs(2);
+const LINE_EVERY: Duration = Duration::from_secs(5);
 
 /// How far it is, on standard error.
 struct Progress {
@@ -39,28 +39,37 @@ impl Progress {
     }
 }
 
-/// Asks every address from 0 to 126 but its own, and hands out each station as it is found.
+/// Asks every address from 0 to 126 but its own, and hands out each station as it is found. Where nobody has answered at all, it asks
+/// once more: one answer may be lost or late.
 pub(crate) fn each_station(
     light: &mut Light,
     mut take: impl FnMut(&mut Light, u8, StationKind) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
-    let own = light.settings().address;
     let mut progress = Progress { terminal: std::io::stderr().is_terminal(), told: Instant::now(), found: 0 };
+    let mut done = pass(light, &mut progress, &mut take);
+    if done.is_ok() && progress.found == 0 {
+        done = pass(light, &mut progress, &mut take);
+    }
+    progress.clear();
+    done
+}
+
+fn pass(
+    light: &mut Light,
+    progress: &mut Progress,
+    take: &mut impl FnMut(&mut Light, u8, StationKind) -> Result<(), Failure>,
+) -> Result<(), Failure> {
+    let own = light.settings().address;
     for address in (0..=HIGHEST_ADDRESS).filter(|address| *address != own) {
         progress.show(address);
-        let status = light.status(address).map_err(failed);
-        if !matches!(status, Ok(None)) {
-            progress.clear();
-        }
-        if let Some(kind) = status? {
+        if let Some(kind) = light.status(address).map_err(failed)? {
             progress.found += 1;
+            progress.clear();
             take(light, address, kind)?;
         } else if light.line().is_gone() {
-            progress.clear();
             return Err(Failure::Failed("the line was closed".to_owned()));
         }
     }
-    progress.clear();
     Ok(())
 }
 

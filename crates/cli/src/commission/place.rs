@@ -15,7 +15,7 @@ use crate::{Failure, output};
 #[derive(Debug, Clone, Args)]
 pub(crate) struct Place {
     /// Where the slaves are: /dev/ttyUSB0, /dev/pts/4, tcp:ADDRESS:PORT, tcp-listen:ADDRESS:PORT, unix:PATH
-    #[arg(long, value_name = "PORT")]
+    #[arg(long, value_name = "PORT", env = "SCH108BEX_PORT")]
     pub(crate) port: PortAddress,
     /// The rate in bits per second; sockets have none
     #[arg(long, value_name = "RATE", default_value = "500000", value_parser = rate)]
@@ -24,7 +24,7 @@ pub(crate) struct Place {
     #[arg(long = "master-address", value_name = "N", default_value_t = 2, value_parser = whole::<u8>(0..=125), allow_negative_numbers = true)]
     pub(crate) own_address: u8,
     /// How long to wait for a reply, in milliseconds
-    #[arg(long, value_name = "MS", default_value_t = 20, value_parser = whole::<u16>(1..=10_000), allow_negative_numbers = true)]
+    #[arg(long, value_name = "MS", env = "SCH108BEX_REPLY_WITHIN", default_value_t = 20, value_parser = whole::<u16>(1..=10_000), allow_negative_numbers = true)]
     pub(crate) reply_within: u16,
     /// How often a request is repeated that is not answered
     #[arg(long, value_name = "N", default_value_t = 2, value_parser = whole::<u8>(1..=15), allow_negative_numbers = true)]

@@ -76,7 +76,9 @@ impl Preset {
                     slave.outputs
                 )));
             }
-            slave.parameters.watchdog = watchdog(1_000)?;
+            // Longer than all attempts at two requests: it shall not expire between two steps of this.
+            let attempts = u32::from(self.place.retries) + 1;
+            slave.parameters.watchdog = watchdog(1_000.max(2 * attempts * u32::from(self.place.reply_within)))?;
             let mut session = Session::begin(light, slave, &diagnosis)?;
             let done = self.preset(&mut session);
             // Bit 31 back to 0, or the next master's preset is no edge.

@@ -82,11 +82,12 @@ impl Scale {
     /// A velocity of the device in revolutions per minute.
     pub(super) fn rpm(&self, velocity: i32) -> Option<f64> {
         let velocity = f64::from(velocity);
+        let base = self.base?;
+        if base == TimeBase::Rpm {
+            return Some(velocity);
+        }
         let steps = f64::from(self.steps.filter(|steps| *steps > 0)?);
-        Some(match self.base? {
-            TimeBase::Rpm => velocity,
-            base => velocity * 60.0 * per_second(base) / steps,
-        })
+        Some(velocity * 60.0 * per_second(base) / steps)
     }
 
     /// An acceleration of the device in revolutions per minute, per second.

@@ -6,6 +6,7 @@
 mod bad_octets;
 mod captures;
 mod command_line;
+mod commands;
 mod commissioning;
 mod contract;
 mod ctl;

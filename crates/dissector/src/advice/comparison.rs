@@ -59,7 +59,8 @@ impl StartUp<'_> {
             differences.extend(self.standard_part());
             differences.extend(encoder.as_ref().and_then(|encoder| self.encoder_part(encoder)));
         }
-        if standard.cfg_fault {
+        // Where the parameters were refused, no configuration would have been good.
+        if standard.cfg_fault && !standard.prm_fault {
             differences.extend(self.configuration(encoder.is_some()));
         }
         if !standard.prm_req && !standard.station_not_ready {

@@ -28,6 +28,11 @@ const AT_A_TIME: u32 = 1_536;
 const TURNS: u32 = 8;
 /// An answer that takes longer is late.
 const LATE: Duration = Duration::from_micros(200);
+/// Tenths of a second in which there must be an answer. The program leaves answers out that are 10 ms old; then
+/// there is none, and it counts as late.
+const PATIENCE: u8 = 1;
+/// How often a request of the start-up is repeated.
+const ATTEMPTS: u32 = 50;
 /// The addresses of the encoders begin after that of the master.
 const FIRST_ADDRESS: u8 = 3;
 
@@ -91,7 +96,7 @@ pub(crate) fn late_answers() -> Result<f64, String> {
         let masters: Vec<_> = ports
             .enumerate()
             .map(|(number, (ours, theirs))| {
-                let ports = [Port::open(ours)?, Port::open(theirs)?];
+                let ports = [Port::open_for(ours, PATIENCE)?, Port::open_for(theirs, PATIENCE)?];
                 let started = &started;
                 Ok(scope.spawn(move || ask(number, ports, started)))
             })
@@ -163,8 +168,12 @@ fn ask(number: usize, mut ports: [Port; 2], started: &Barrier) -> Result<[Histog
         thread::sleep(due.saturating_duration_since(now));
         let request = &requests[exchange as usize % requests.len()];
         let begun = Instant::now();
-        ports[side].turn(request.as_slice(), &mut answer)?;
+        let length = ports[side].ask(request.as_slice(), &mut answer)?;
         both[side].add(begun.elapsed());
+        if length < answer.len() {
+            ports[side].forget()?;
+            continue;
+        }
         let [from, to] = if side == 0 { [4, 5] } else { [5, 4] };
         if answer[0] != 0x68 || answer[from] != request.as_slice()[5] || answer[to] != request.as_slice()[4] {
             return Err(format!("{:02x?} is answered by {answer:02x?}.", request.as_slice()));
@@ -173,12 +182,23 @@ fn ask(number: usize, mut ports: [Port; 2], started: &Barrier) -> Result<[Histog
     Ok(both)
 }
 
+/// Sends a request until there is an answer of this length, as masters do.
+fn insist(port: &mut Port, request: &[u8], length: usize) -> Result<(), String> {
+    for _ in 0..ATTEMPTS {
+        if port.ask(request, &mut [0; 255][..length])? == length {
+            return Ok(());
+        }
+        port.forget()?;
+    }
+    Err(format!("No answer to {request:02x?}."))
+}
+
 /// Brings all encoders of a segment to data exchange; the requests that follow, for all of them in turn.
 fn bring_up(port: &mut Port) -> Result<Vec<Octets>, String> {
     let addresses = FIRST_ADDRESS..FIRST_ADDRESS + ENCODERS;
     for address in addresses.clone() {
         for (request, length) in start_up_at(address, Functionality::Class2).iter().zip(START_UP_ANSWERS) {
-            port.turn(request.as_slice(), &mut [0; 255][..length])?;
+            insist(port, request.as_slice(), length)?;
         }
     }
     let both = addresses.map(exchange_at);

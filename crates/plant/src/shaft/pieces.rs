@@ -53,10 +53,8 @@ impl Piece {
             None => return f64::INFINITY,
         };
         let speed = |t: f64| (self.speed + t * (2.0 * self.half + t * 3.0 * self.sixth)).abs();
-        // Where its slope is 0, if that is within.
-        let vertex = -self.half / (3.0 * self.sixth);
-        let within = if vertex > 0.0 && vertex < length { speed(vertex) } else { 0.0 };
-        speed(0.0).max(speed(length)).max(within)
+        // The acceleration does not change its sign within a piece, so the highest is at an end.
+        speed(0.0).max(speed(length))
     }
 }
 

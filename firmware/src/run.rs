@@ -123,6 +123,10 @@ impl Stage {
                 self.cut(board);
                 b'C'
             }
+            Message::Hello(number) => {
+                world::frame(b'H', &[*number], |octet| board.wire().send(octet));
+                return;
+            }
         };
         let latches = SHAFT.lock(|shaft| shaft.latches);
         let [a, b, c, d] = latches.to_le_bytes();

@@ -10,6 +10,7 @@
 //! | `P` | to the device | see [`PowerOn`], 6 octets | power comes; latch 0 is the next `L` |
 //! | `L` | to the device | see [`World`], 15 octets | the world at the next latch |
 //! | `C` | to the device | none | the power is cut |
+//! | `H` | both ways | a number, 1 octet | is anybody there? The answer has the same number |
 //! | `N` | from the device | slot, 40 octets | a record was written |
 //! | `A` | from the device | kind, lamp and state, latches (4), 6 octets | that frame is dealt with |
 
@@ -36,6 +37,8 @@ pub enum Message {
     Latch(World),
     /// `C`: the power is cut.
     Cut,
+    /// `H`: is anybody there?
+    Hello(u8),
 }
 
 /// What holds when power comes.
@@ -124,6 +127,7 @@ impl Reader {
                     b'P' => Place::Payload { got: 0, due: 6 },
                     b'L' => Place::Payload { got: 0, due: 15 },
                     b'C' => Place::Check,
+                    b'H' => Place::Payload { got: 0, due: 1 },
                     BEGIN => Place::Kind,
                     _ => Place::Begin,
                 }
@@ -150,8 +154,9 @@ impl Reader {
                 let (&slot, octets) = payload.split_first()?;
                 Message::Memory(slot_of(slot)?, *octets.first_chunk()?)
             }
-            b'P' => Message::PowerOn(PowerOn::parse(payload.first_chunk()?)?),
+            b'P' => Message::PowerOn(PowerOn::parse(*payload.first_chunk()?)?),
             b'L' => Message::Latch(World::parse(payload.first_chunk()?)?),
+            b'H' => Message::Hello(*payload.first()?),
             _ => Message::Cut,
         })
     }
@@ -164,7 +169,7 @@ impl Default for Reader {
 }
 
 impl PowerOn {
-    fn parse(&[flags, switches, rate, battery, n, m]: &[u8; 6]) -> Option<Self> {
+    fn parse([flags, switches, rate, battery, n, m]: [u8; 6]) -> Option<Self> {
         Some(Self {
             lock_step: flags & 1 != 0,
             as_delivered: flags & 2 != 0,

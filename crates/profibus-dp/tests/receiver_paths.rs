@@ -91,8 +91,8 @@ fn claimed(octets: &[u8]) -> usize {
         [0xDC, ..] => 3,
         [0x10, ..] => 6,
         [0xA2, ..] => 14,
-        [0x68] | [0x68, _] => 4,
-        [0x68, le, ler] if le == ler && (4..=249).contains(&le) => 4,
+        // The head is looked at when it is whole.
+        [0x68] | [0x68, _] | [0x68, _, _] => 4,
         [0x68, le, ler, 0x68, ..] if le == ler && (4..=249).contains(&le) => usize::from(le) + 6,
         _ => 0,
     }

@@ -2,24 +2,31 @@
 
 use core::ptr;
 
-use profibus_dp::fdl::{Station, Window};
+use profibus_dp::fdl::{Gathered, Station, Window};
 use profibus_dp::time::{Baudrate, Duration, Instant};
 use sch108bex::halves::BusHalf;
 
 use crate::cell::Topmost;
 use crate::clock::Clock;
 
+/// What a reply with data begins with.
+const SD2: u8 = 0x68;
+
 /// Reading: a reply due within so long a time is waited for in the interrupt.
 const BUSY_WAIT: Duration = Duration::from_micros(20);
 
 /// The USART at the bus, and the line that switches its driver on.
 pub trait Line {
-    /// What has happened; an octet is taken.
-    fn happened(&self) -> Happened;
+    /// What has come; it is taken.
+    fn received(&self) -> Received;
+    /// How the transmitter is.
+    fn transmitter(&self) -> Transmitter;
     /// An octet into the transmitter, which has room.
     fn send(&self, octet: u8);
-    /// Driver on, and the interrupt of a transmitter with room.
-    fn begin_reply(&self);
+    /// Driver on, and the first octet on its way.
+    fn begin_reply(&self, octet: u8);
+    /// The interrupt of a transmitter with room.
+    fn go_on(&self);
     /// All octets are in the transmitter: the interrupt of an empty one.
     fn end_reply(&self);
     /// Driver off, no interrupts of the transmitter.
@@ -30,35 +37,49 @@ pub trait Line {
     fn demand(&self);
 }
 
-/// What a USART has to tell.
+/// What a USART has received.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Happened {
-    /// An octet came.
+pub enum Received {
+    /// An octet.
     Octet(u8),
-    /// A character with an error came.
+    /// A character with an error.
     Error,
-    /// The transmitter has room.
-    Room,
-    /// The transmitter is empty.
-    Empty,
-    /// Nothing that is of interest.
+    /// Nothing.
     Nothing,
+}
+
+/// How a transmitter is, as far as its interrupts are on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transmitter {
+    /// It has room.
+    Room,
+    /// The last octet has gone.
+    Empty,
+    /// It is busy, or nobody wants to know.
+    Busy,
 }
 
 /// All that belongs to the bus interrupt.
 #[derive(Debug)]
 pub struct Bus {
-    /// The core's half.
-    pub half: BusHalf,
+    /// The counter when the newest octet came.
+    heard: u32,
+    /// So many ticks from octet to octet, and the line was idle.
+    gap: u32,
     /// The time.
     pub clock: Clock,
+    /// The core's half.
+    pub half: BusHalf,
     /// Replies wait for min T_SDR.
-    pub paced: bool,
+    paced: bool,
     rate: Baudrate,
     waiting: Option<Window>,
     next: *const u8,
     end: *const u8,
 }
+
+/// Long enough ago to be idle at any rate, in ticks.
+const LONG_AGO: u32 = 1 << 30;
 
 /// The one bus.
 pub static BUS: Topmost<Bus> = Topmost::new();
@@ -67,30 +88,41 @@ impl Bus {
     /// At power-on.
     pub fn new(half: BusHalf, clock: Clock) -> Self {
         let rate = half.bus().listening_rate();
-        Self { half, clock, paced: true, rate, waiting: None, next: ptr::null(), end: ptr::null() }
+        let (heard, gap) = (clock.ticks(), clock.ticks_of(half.idle_gap()));
+        let (next, end) = (ptr::null(), ptr::null());
+        Self { heard, gap, clock, half, paced: true, rate, waiting: None, next, end }
     }
 
     /// The device is switched on anew.
-    pub fn restart(&mut self, half: BusHalf, line: &impl Line) {
-        self.half = half;
-        self.waiting = None;
-        (self.next, self.end) = (ptr::null(), ptr::null());
+    pub fn restart(&mut self, half: BusHalf, clock: Clock, paced: bool, line: &impl Line) {
         line.listen();
-        self.rate = self.half.bus().listening_rate();
-        line.set_rate(self.rate);
+        self.half = half;
+        self.clock = clock;
+        self.paced = paced;
+        self.waiting = None;
+        self.set_rate(line);
     }
 
     fn follow_rate(&mut self, line: &impl Line) {
-        let rate = self.half.bus().listening_rate();
-        if rate != self.rate {
-            self.rate = rate;
-            line.set_rate(rate);
+        if self.half.bus().listening_rate() != self.rate {
+            self.set_rate(line);
         }
+    }
+
+    fn set_rate(&mut self, line: &impl Line) {
+        self.rate = self.half.bus().listening_rate();
+        self.gap = self.clock.ticks_of(self.half.idle_gap());
+        line.set_rate(self.rate);
     }
 
     /// Lets time pass: watchdog, baud search, a reply that waits.
     pub fn poll(&mut self, line: &impl Line) {
-        let now = self.clock.now();
+        let ticks = self.clock.ticks();
+        if ticks.wrapping_sub(self.heard) >= self.gap {
+            // Before the counter comes round.
+            self.heard = ticks.wrapping_sub(LONG_AGO);
+        }
+        let now = self.clock.at(ticks);
         self.half.poll(now);
         self.follow_rate(line);
         if self.half.is_demanding() {
@@ -103,8 +135,65 @@ impl Bus {
         }
     }
 
+    /// An octet after idle time.
     #[inline(never)]
-    fn take_collected(&mut self, now: Instant, line: &impl Line) {
+    fn begin(&mut self, octet: u8, ticks: u32, line: &impl Line) {
+        self.half.line_was_idle();
+        // The first one of a telegram is looked at.
+        if self.half.gather(octet) == Gathered::Look {
+            self.look(octet, ticks, line);
+        }
+    }
+
+    /// A look is due at what came.
+    // By itself: without it the interrupt needs no register that has to be saved.
+    #[inline(never)]
+    fn look(&mut self, octet: u8, ticks: u32, line: &impl Line) {
+        if self.half.look(octet) {
+            self.complete(ticks, line);
+        }
+    }
+
+    /// A telegram is complete.
+    #[inline]
+    fn complete(&mut self, ticks: u32, line: &impl Line) {
+        let now = self.clock.at(ticks);
+        if self.half.answers_data(now) && self.wait(ticks) {
+            // What it begins with is known; the rest gets ready meanwhile.
+            line.begin_reply(SD2);
+            let window = self.half.take_collected(now);
+            let at =
+                if self.paced { self.clock.now() } else { window.map_or(now, |window| window.not_before) };
+            if let Some([_, second, rest @ ..]) = self.half.transmit(at) {
+                line.send(*second);
+                let rest = rest.as_ptr_range();
+                (self.next, self.end) = (rest.start, rest.end);
+            }
+            line.go_on();
+            if self.half.is_demanding() {
+                line.demand();
+            }
+        } else {
+            self.complete_other(now, line);
+        }
+    }
+
+    /// Waits for min T_SDR after the request; no if that is too long for an interrupt.
+    #[inline(always)]
+    fn wait(&self, ticks: u32) -> bool {
+        if self.paced {
+            let delay = self.half.reply_delay();
+            if delay > BUSY_WAIT {
+                return false;
+            }
+            while self.clock.nanos(ticks, self.clock.ticks()) < delay.as_nanos() {}
+        }
+        true
+    }
+
+    /// One that is not the usual Data_Exchange.
+    #[inline(never)]
+    fn complete_other(&mut self, now: Instant, line: &impl Line) {
         let window = self.half.take_collected(now);
         if self.half.is_demanding() {
             line.demand();
@@ -132,13 +221,41 @@ impl Bus {
 
     fn start(&mut self, now: Instant, line: &impl Line) {
         self.waiting = None;
-        if let Some(octets) = self.half.transmit(now) {
-            let range = octets.as_ptr_range();
-            (self.next, self.end) = (range.start, range.end);
-            line.begin_reply();
+        if let Some([first, rest @ ..]) = self.half.transmit(now) {
+            line.begin_reply(*first);
+            let rest = rest.as_ptr_range();
+            (self.next, self.end) = (rest.start, rest.end);
+            line.go_on();
         }
     }
 
+    /// A telegram for another station is complete.
+    #[inline(never)]
+    fn hear_foreign(&mut self, ticks: u32, line: &impl Line) {
+        self.half.hear_foreign(self.clock.at(ticks));
+        self.follow_rate(line);
+    }
+
+    /// A character with an error.
+    #[cold]
+    #[inline(never)]
+    fn spoil(&mut self, line: &impl Line) {
+        self.heard = self.clock.ticks();
+        self.half.line_error(self.clock.at(self.heard));
+        self.follow_rate(line);
+    }
+
+    /// The transmitter has something to tell.
+    #[inline(never)]
+    fn go_on(&mut self, line: &impl Line) {
+        match line.transmitter() {
+            Transmitter::Room => self.send_next(line),
+            Transmitter::Empty => line.listen(),
+            Transmitter::Busy => {}
+        }
+    }
+
+    #[inline]
     fn send_next(&mut self, line: &impl Line) {
         if self.next == self.end {
             line.end_reply();
@@ -161,20 +278,21 @@ impl Bus {
 pub unsafe fn interrupt(line: &impl Line) {
     // SAFETY: the owner, by the caller.
     let bus = unsafe { BUS.own() };
-    match line.happened() {
-        Happened::Octet(octet) => {
-            let now = bus.clock.now();
-            if bus.half.collect(now, octet) {
-                bus.take_collected(now, line);
+    match line.received() {
+        Received::Octet(octet) => {
+            let ticks = bus.clock.ticks();
+            let idle = ticks.wrapping_sub(bus.heard) >= bus.gap;
+            bus.heard = ticks;
+            if idle {
+                return bus.begin(octet, ticks, line);
+            }
+            match bus.half.gather(octet) {
+                Gathered::Nothing => {}
+                Gathered::Look => bus.look(octet, ticks, line),
+                Gathered::Foreign => bus.hear_foreign(ticks, line),
             }
         }
-        Happened::Error => {
-            let now = bus.clock.now();
-            bus.half.line_error(now);
-            bus.follow_rate(line);
-        }
-        Happened::Room => bus.send_next(line),
-        Happened::Empty => line.listen(),
-        Happened::Nothing => {}
+        Received::Error => bus.spoil(line),
+        Received::Nothing => bus.go_on(line),
     }
 }

@@ -1,6 +1,7 @@
 //! Time: a free-running counter of 32 bits, and the latch that keeps count of its turns.
 
-use profibus_dp::time::Instant;
+use profibus_dp::time::{Duration, Instant};
+use sch108bex::specification::LATCH_PERIOD;
 
 /// Nanoseconds a tick, times 2^24.
 #[derive(Debug, Clone, Copy)]
@@ -46,12 +47,34 @@ impl Clock {
     /// The time now: right for four seconds after the latest latch.
     #[inline(always)]
     pub fn now(&self) -> Instant {
-        let since = self.ticks().wrapping_sub(self.ticks);
-        let nanos = (u64::from(since) * u64::from(self.scale.0)) >> 24;
-        Instant::from_nanos(self.at.as_nanos().wrapping_add(nanos))
+        self.at(self.ticks())
     }
 
-    /// The latch, so many ticks after the one before, is at `at`.
+    /// The time when the counter was at `ticks`, after the latest latch.
+    #[inline(always)]
+    pub fn at(&self, ticks: u32) -> Instant {
+        Instant::from_nanos(self.at.as_nanos().wrapping_add(self.nanos(self.ticks, ticks)))
+    }
+
+    /// From one count to a later one, in nanoseconds.
+    #[inline(always)]
+    pub fn nanos(&self, from: u32, to: u32) -> u64 {
+        (u64::from(to.wrapping_sub(from)) * u64::from(self.scale.0)) >> 24
+    }
+
+    /// So many ticks are as long as this, a second at most.
+    pub fn ticks_of(&self, span: Duration) -> u32 {
+        let ticks = (span.as_nanos() << 24).checked_div(u64::from(self.scale.0));
+        ticks.and_then(|ticks| u32::try_from(ticks).ok()).unwrap_or(u32::MAX)
+    }
+
+    /// Ticks from latch to latch, without a rest at all rates that there are.
+    pub fn latch_ticks(&self) -> u32 {
+        self.ticks_of(LATCH_PERIOD)
+    }
+
+    /// The latch at `at` was when the counter was at `ticks`.
+    #[inline]
     pub fn latch(&mut self, ticks: u32, at: Instant) {
         self.ticks = ticks;
         self.at = at;

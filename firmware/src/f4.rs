@@ -4,7 +4,7 @@ use cortex_m::peripheral::SCB;
 use profibus_dp::time::Baudrate;
 use stm32f4::stm32f405 as pac;
 
-use crate::bus::{Happened, Line};
+use crate::bus::{Line, Received, Transmitter};
 use crate::link::Wire;
 
 /// USART1 at the bus, PB5 switches the driver.
@@ -37,25 +37,31 @@ fn driver(on: bool) {
 
 impl Line for BusUsart {
     #[inline(always)]
-    fn happened(&self) -> Happened {
+    fn received(&self) -> Received {
         let usart = usart1();
-        let status = usart.sr().read();
+        let status = usart.sr().read().bits();
         // RXNE, and PE, FE, NF, ORE.
-        if status.bits() & 0x2F != 0 {
-            let octet = usart.dr().read().bits();
-            if status.bits() & 0x0F != 0 {
-                return Happened::Error;
-            }
-            // Bit 8 is the parity bit.
-            return Happened::Octet((octet & 0xFF) as u8);
+        if status & 0x2F == 0 {
+            return Received::Nothing;
         }
-        let enabled = usart.cr1().read();
-        if status.txe().bit_is_set() && enabled.txeie().bit_is_set() {
-            Happened::Room
-        } else if status.tc().bit_is_set() && enabled.tcie().bit_is_set() {
-            Happened::Empty
+        let octet = usart.dr().read().bits();
+        if status & 0x0F != 0 {
+            return Received::Error;
+        }
+        // Bit 8 is the parity bit.
+        Received::Octet((octet & 0xFF) as u8)
+    }
+
+    #[inline]
+    fn transmitter(&self) -> Transmitter {
+        let usart = usart1();
+        let (status, on) = (usart.sr().read(), usart.cr1().read());
+        if status.txe().bit() && on.txeie().bit() {
+            Transmitter::Room
+        } else if status.tc().bit() && on.tcie().bit() {
+            Transmitter::Empty
         } else {
-            Happened::Nothing
+            Transmitter::Busy
         }
     }
 
@@ -64,8 +70,14 @@ impl Line for BusUsart {
         usart1().dr().write(|w| w.dr().set(octet.into()));
     }
 
-    fn begin_reply(&self) {
+    #[inline(always)]
+    fn begin_reply(&self, octet: u8) {
         driver(true);
+        self.send(octet);
+    }
+
+    #[inline(always)]
+    fn go_on(&self) {
         usart1().cr1().modify(|_, w| w.txeie().set_bit());
     }
 

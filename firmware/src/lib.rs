@@ -13,6 +13,7 @@ pub mod bus;
 pub mod cell;
 pub mod clock;
 pub mod link;
+pub mod routines;
 pub mod run;
 pub mod shaft;
 

@@ -1,5 +1,7 @@
 //! The main loop: the world, the memory, the lamp, the watchdog.
 
+use core::sync::atomic::{AtomicU32, Ordering};
+
 use logic::world::{self, Message, PowerOn as LinkPowerOn, World};
 use profibus_dp::fdl::{BaudSetting, ReceiverMode};
 use profibus_dp::time::{Baudrate, Instant};
@@ -17,7 +19,7 @@ use crate::link::{LINK, Link, Wire};
 use crate::shaft::{SHAFT, Shaft};
 
 /// The counter in lock-step: a latch is so many ticks.
-static VIRTUAL: core::sync::atomic::AtomicU32 = core::sync::atomic::AtomicU32::new(0);
+static VIRTUAL: AtomicU32 = AtomicU32::new(0);
 const VIRTUAL_LATCH: u32 = 500_000;
 const VIRTUAL_SCALE: Scale = Scale(1 << 24);
 
@@ -35,6 +37,8 @@ pub trait Board {
     fn counter(&self) -> (*const u32, Scale);
     /// Latches by the timer begin or stop; the counter at the first.
     fn run_latches(&self, on: bool);
+    /// The latch's interrupt comes now.
+    fn latch(&self);
     /// Switches the interrupts on: all cells are filled.
     fn start(&self);
     /// The lamp.
@@ -72,8 +76,9 @@ pub fn run(board: &impl Board) -> ! {
     let (bus, shaft) = switch_on(off);
     // SAFETY: no interrupt is on; the counter is a register.
     unsafe {
-        BUS.begin(Bus::new(bus, Clock::new(counter, scale)));
-        SHAFT.begin(Shaft::new(shaft, Instant::ZERO));
+        let clock = Clock::new(counter, scale);
+        SHAFT.begin(Shaft::new(shaft, Instant::ZERO, &clock));
+        BUS.begin(Bus::new(bus, clock));
         LINK.begin(Link::new());
     }
     board.start();
@@ -115,7 +120,7 @@ impl Stage {
                 b'P'
             }
             Message::Latch(world) => {
-                self.latch(world);
+                self.latch(board, world);
                 self.keep(board);
                 b'L'
             }
@@ -144,8 +149,11 @@ impl Stage {
             Battery::Ok,
         );
         let (bus, shaft) = switch_on(off);
-        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO));
-        BUS.lock(|place| place.restart(bus, board.line()));
+        let (counter, scale) = board.counter();
+        // SAFETY: the counter is a register.
+        let clock = unsafe { Clock::new(counter, scale) };
+        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO, &clock));
+        BUS.lock(|place| place.restart(bus, clock, false, board.line()));
     }
 
     fn power_on(&mut self, board: &impl Board, on: &LinkPowerOn) {
@@ -164,43 +172,35 @@ impl Stage {
         self.measured = None;
         self.powered = true;
         self.lock_step = on.lock_step;
-        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO));
-        BUS.lock(|place| {
-            place.restart(bus, board.line());
-            place.paced = on.paced;
-            // SAFETY: both can be read for ever.
-            place.clock = unsafe {
-                if on.lock_step {
-                    Clock::new(VIRTUAL.as_ptr(), VIRTUAL_SCALE)
-                } else {
-                    let (counter, scale) = board.counter();
-                    Clock::new(counter, scale)
-                }
-            };
-        });
+        // SAFETY: both can be read for ever.
+        let clock = unsafe {
+            if on.lock_step {
+                Clock::new(VIRTUAL.as_ptr(), VIRTUAL_SCALE)
+            } else {
+                let (counter, scale) = board.counter();
+                Clock::new(counter, scale)
+            }
+        };
+        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO, &clock));
+        BUS.lock(|place| place.restart(bus, clock, on.paced, board.line()));
         if !on.lock_step {
             board.run_latches(true);
         }
     }
 
-    fn latch(&mut self, world: &World) {
+    fn latch(&mut self, board: &impl Board, world: &World) {
         if !self.powered {
             return;
         }
+        let first = SHAFT.lock(|shaft| {
+            shaft.reading = world.shaft;
+            shaft.latches == 0
+        });
         if self.lock_step {
-            let first = SHAFT.lock(|shaft| shaft.latches == 0);
-            let ticks = VIRTUAL.load(core::sync::atomic::Ordering::Relaxed);
-            let ticks = if first { ticks } else { ticks.wrapping_add(VIRTUAL_LATCH) };
-            SHAFT.lock(|shaft| {
-                BUS.lock(|bus| {
-                    VIRTUAL.store(ticks, core::sync::atomic::Ordering::Relaxed);
-                    let at = shaft.next;
-                    bus.clock.latch(ticks, at);
-                });
-                shaft.latch(ticks, world.shaft);
-            });
-        } else {
-            SHAFT.lock(|shaft| shaft.reading = world.shaft);
+            if !first {
+                VIRTUAL.fetch_add(VIRTUAL_LATCH, Ordering::Relaxed);
+            }
+            board.latch();
         }
         if self.measured != Some(world.measurement) {
             self.measured = Some(world.measurement);

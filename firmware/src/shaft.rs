@@ -5,20 +5,25 @@ use sch108bex::halves::ShaftHalf;
 use sch108bex::sensor::ShaftReading;
 use sch108bex::specification::LATCH_PERIOD;
 
-use crate::bus::BUS;
+use crate::bus::{BUS, Line};
 use crate::cell::Latched;
+use crate::clock::Clock;
 
 /// All that belongs to the latch.
 #[derive(Debug)]
 pub struct Shaft {
     /// The core's half.
     pub half: ShaftHalf,
-    /// The next latch.
-    pub next: Instant,
     /// Latches since power-on.
     pub latches: u32,
     /// What a simulated shaft delivers.
     pub reading: ShaftReading,
+    /// The next latch.
+    next: Instant,
+    /// The counter then.
+    ticks: u32,
+    /// From latch to latch.
+    period: u32,
 }
 
 /// The one shaft.
@@ -26,24 +31,42 @@ pub static SHAFT: Latched<Shaft> = Latched::new();
 
 impl Shaft {
     /// At power-on, with the first latch then.
-    pub fn new(half: ShaftHalf, power_on: Instant) -> Self {
-        Self { half, next: power_on, latches: 0, reading: ShaftReading::Full(0) }
+    pub fn new(half: ShaftHalf, power_on: Instant, clock: &Clock) -> Self {
+        let (ticks, period) = (clock.ticks(), clock.latch_ticks());
+        Self { half, latches: 0, reading: ShaftReading::Full(0), next: power_on, ticks, period }
     }
 
-    /// Takes a latch; `ticks` is what the clock shows at it.
+    /// Takes the latch that is due.
     #[inline]
-    pub fn latch(&mut self, ticks: u32, reading: ShaftReading) {
-        let at = self.next;
+    pub fn latch(&mut self, reading: ShaftReading, line: &impl Line) {
+        let (at, ticks) = (self.next, self.ticks);
         self.next = at + LATCH_PERIOD;
+        self.ticks = ticks.wrapping_add(self.period);
         self.latches = self.latches.wrapping_add(1);
         let changed = self.half.sample(at, reading, &mut ());
         let image = *self.half.inputs();
-        BUS.lock(|bus| {
+        let now = BUS.lock(|bus| {
             bus.clock.latch(ticks, at);
             bus.half.show(&image);
+            bus.clock.ticks()
         });
         if changed {
             self.publish();
+        }
+        if now.wrapping_sub(ticks) >= self.period {
+            self.catch_up(now);
+        }
+        BUS.lock(|bus| bus.poll(line));
+    }
+
+    /// Latches were missed, under a debugger or an emulator: they are skipped.
+    #[cold]
+    #[inline(never)]
+    fn catch_up(&mut self, now: u32) {
+        while now.wrapping_sub(self.ticks).cast_signed() >= 0 {
+            self.ticks = self.ticks.wrapping_add(self.period);
+            self.next += LATCH_PERIOD;
+            self.latches = self.latches.wrapping_add(1);
         }
     }
 
@@ -57,6 +80,7 @@ impl Shaft {
 
     /// Does what the bus demands.
     pub fn obey(&mut self) {
+        // A handful at most: each telegram makes one.
         loop {
             let (now, demand) = BUS.lock(|bus| (bus.clock.now(), bus.half.take_demand()));
             let Some(demand) = demand else { break };

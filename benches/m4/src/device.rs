@@ -2,12 +2,12 @@
 
 use core::hint::black_box;
 
-use profibus_dp::Station;
-use profibus_dp::fdl::{BaudSetting, ReceiverMode, Window};
+use profibus_dp::fdl::{BaudSetting, Gathered, ReceiverMode, Window};
 use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
 use sch108bex::device::{Device, PowerOn};
 use sch108bex::encoder::Identity;
 use sch108bex::end_cap::RotarySwitches;
+use sch108bex::halves::{BusHalf, ShaftHalf};
 use sch108bex::health::Battery;
 use sch108bex::nonvolatile::Choice;
 use sch108bex::sensor::ShaftReading;
@@ -62,7 +62,8 @@ pub(crate) fn figures(timer: &Timer) -> Option<Figures> {
 
 /// A device, its shaft, and the time.
 struct Driven {
-    device: Device,
+    bus: BusHalf,
+    half: ShaftHalf,
     latch: Instant,
     shaft: u16,
 }
@@ -83,49 +84,65 @@ impl Driven {
             receiver: black_box(ReceiverMode::Idle),
         };
         let latch = Instant::from_millis(1);
-        Self { device: Device::new(latch, power_on, ()), latch, shaft: 0 }
+        let (bus, half) = Device::new(latch, power_on, ()).into_halves();
+        Self { bus, half, latch, shaft: 0 }
     }
 
     /// The next latch, of a disc that makes 3000 revolutions a minute.
     fn sample(&mut self, timer: &Timer) -> u32 {
         self.latch += LATCH;
         self.shaft = self.shaft.wrapping_add(1638);
-        let (device, now) = (&mut self.device, self.latch);
+        let (bus, half, now) = (&mut self.bus, &mut self.half, self.latch);
         let reading = ShaftReading::Singleturn(self.shaft);
-        timer.count(|| sample(device, now, reading))
+        timer.count(|| sample(bus, half, now, reading))
     }
 
     /// A telegram octet by octet, after some silence; the reply's length.
     fn telegram(&mut self, timer: &Timer, figures: &mut Figures, octets: &[u8]) -> Option<usize> {
         let (last, others) = octets.split_last()?;
         let mut now = self.latch + Duration::from_micros(50);
-        let device = &mut self.device;
+        let bus = &mut self.bus;
+        bus.line_was_idle();
         for &octet in others {
             now += RATE.duration(BitTimes::CHARACTER);
-            figures.octet = figures.octet.max(timer.count(|| receive(device, now, octet)));
+            figures.octet = figures.octet.max(timer.count(|| receive(bus, now, octet)));
         }
         now += RATE.duration(BitTimes::CHARACTER);
         let mut length = None;
-        let instructions = timer.count(|| length = reply(device, now, *last));
+        let instructions = timer.count(|| length = reply(bus, now, *last));
+        while let Some(demand) = bus.take_demand() {
+            self.half.obey(now, demand, &mut ());
+        }
+        bus.publish(self.half.health());
         figures.reply = figures.reply.max(instructions);
         length
     }
 }
 
-// As an interrupt calls them: not inlined into what measures.
+// As the firmware's interrupts call them: not inlined into what measures.
 
 #[inline(never)]
-fn receive(device: &mut Device, now: Instant, octet: u8) -> Option<Window> {
-    device.receive_octet(now, octet)
+fn receive(bus: &mut BusHalf, now: Instant, octet: u8) -> Option<Window> {
+    match bus.gather(octet) {
+        Gathered::Nothing => None,
+        Gathered::Foreign => {
+            bus.hear_foreign(now);
+            None
+        }
+        Gathered::Look if bus.look(octet) => bus.take_collected(now),
+        Gathered::Look => None,
+    }
 }
 
 #[inline(never)]
-fn reply(device: &mut Device, now: Instant, octet: u8) -> Option<usize> {
-    let window = device.receive_octet(now, octet)?;
-    device.transmit(window.not_before).map(<[u8]>::len)
+fn reply(bus: &mut BusHalf, now: Instant, octet: u8) -> Option<usize> {
+    let window = receive(bus, now, octet)?;
+    bus.transmit(window.not_before).map(<[u8]>::len)
 }
 
 #[inline(never)]
-fn sample(device: &mut Device, now: Instant, reading: ShaftReading) -> bool {
-    device.sample(now, reading)
+fn sample(bus: &mut BusHalf, half: &mut ShaftHalf, now: Instant, reading: ShaftReading) -> bool {
+    let changed = half.sample(now, reading, &mut ());
+    bus.show(half.inputs());
+    changed
 }

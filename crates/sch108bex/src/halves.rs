@@ -11,9 +11,12 @@
 //! | demands | [`BusHalf::take_demand`] | [`ShaftHalf::obey`] | after each telegram |
 //! | stored address | [`BusHalf::take_address_change`] | [`ShaftHalf::take_nonvolatile`] | before each question |
 
+// What stands in an interrupt has to lie there.
+#![allow(clippy::inline_always)]
+
 use profibus_dp::dp::DpSlave;
-use profibus_dp::fdl::{Station, Window};
-use profibus_dp::time::Instant;
+use profibus_dp::fdl::{Gathered, Station, Window};
+use profibus_dp::time::{Duration, Instant};
 
 use crate::device::{INPUTS, Memory, NonvolatileWrite, OUTPUTS};
 use crate::diagnostics::Alarms;
@@ -42,11 +45,49 @@ impl<O: Observer> BusHalf<O> {
         &self.bus
     }
 
-    /// Takes one octet that ended at `now`; whether it completes a telegram. If so,
-    /// [`take_collected`](Self::take_collected) must follow, with the same `now`.
+    /// The line was idle for [`idle_gap`](Self::idle_gap) or longer, before the next octet.
     #[inline]
-    pub fn collect(&mut self, now: Instant, octet: u8) -> bool {
-        self.bus.collect(now, octet)
+    pub fn line_was_idle(&mut self) {
+        self.bus.forget_unfinished();
+    }
+
+    /// Takes one octet. The rest is [`look`](Self::look) or
+    /// [`hear_foreign`](Self::hear_foreign), where it says so.
+    #[inline(always)]
+    pub fn gather(&mut self, octet: u8) -> Gathered {
+        self.bus.gather(octet)
+    }
+
+    /// Whether the same octet completes a telegram: then
+    /// [`take_collected`](Self::take_collected) must follow.
+    #[inline(always)]
+    pub fn look(&mut self, octet: u8) -> bool {
+        self.bus.look(octet)
+    }
+
+    /// A telegram for another station has come; it ended at `now`.
+    #[inline]
+    pub fn hear_foreign(&mut self, now: Instant) {
+        self.bus.hear_foreign(now);
+    }
+
+    /// From the end of one octet to the end of the next: as long as this, and the line was idle.
+    /// It changes with the rate.
+    pub const fn idle_gap(&self) -> Duration {
+        self.bus.idle_gap()
+    }
+
+    /// Whether the telegram just completed is sure to be answered with data: an SD2 that may be
+    /// begun before [`take_collected`](Self::take_collected).
+    #[inline]
+    pub fn answers_data(&self, now: Instant) -> bool {
+        self.bus.answers_data(now)
+    }
+
+    /// From the end of a request to the earliest start of its reply.
+    #[inline]
+    pub const fn reply_delay(&self) -> Duration {
+        self.bus.slave().station().reply_delay()
     }
 
     /// Obeys the telegram just completed; the window of the reply, where there is one.

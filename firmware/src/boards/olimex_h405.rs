@@ -91,6 +91,11 @@ impl Board for Olimex {
         }
     }
 
+    fn latch(&self) {
+        SCB::set_pendst();
+        cortex_m::asm::isb();
+    }
+
     fn start(&self) {
         // SAFETY: all that the interrupts touch is there.
         unsafe {
@@ -120,11 +125,8 @@ fn USART2() {
 fn SysTick() {
     // SAFETY: of the latch's priority.
     let shaft = unsafe { SHAFT.own() };
-    // SAFETY: a register that can be read.
-    let ticks = unsafe { (*pac::TIM2::ptr()).cnt().read().bits() };
     let reading = shaft.reading;
-    shaft.latch(ticks, reading);
-    bus::BUS.lock(|bus| bus.poll(&LINE));
+    shaft.latch(reading, &LINE);
 }
 
 #[exception]

@@ -3,9 +3,9 @@
 use super::application::Application;
 use super::slave::Slave;
 use crate::fdl::baud_search::BaudSetting;
-use crate::fdl::receiver::{Receiver, ReceiverMode};
+use crate::fdl::receiver::{Collected, Gathered, Listener, Receiver, ReceiverMode};
 use crate::fdl::station::{Station, Window};
-use crate::time::{Baudrate, Instant};
+use crate::time::{Baudrate, Duration, Instant};
 use crate::wire::Telegram;
 
 /// How a slave is connected.
@@ -87,13 +87,50 @@ impl<A: Application, const IN: usize, const OUT: usize> DpSlave<A, IN, OUT> {
     }
 
     /// The first half of [`receive_octet`](Self::receive_octet): whether this octet completes a
-    /// telegram. If so, [`take_collected`](Self::take_collected) must follow, with the same `now`.
+    /// telegram to be taken. If so, [`take_collected`](Self::take_collected) must follow, with the same `now`.
     ///
     /// For devices that do something after telegrams and nothing after all other octets.
     #[inline(always)]
     pub fn collect(&mut self, now: Instant, octet: u8) -> bool {
-        // A reply that is not fetched yet can only be met by the first octet after it.
-        self.receiver.completes(now, octet, || self.slave.drop_reply())
+        match self.receiver.completes(now, octet, &mut Plain(&mut self.slave)) {
+            Collected::Nothing => false,
+            Collected::Telegram => true,
+            Collected::Foreign => {
+                self.hear_foreign(now);
+                false
+            }
+        }
+    }
+
+    /// [`collect`](Self::collect) for a driver that watches the line itself, in two parts. This
+    /// one is all that most octets need. Where the line was idle before this octet, for
+    /// [`idle_gap`](Self::idle_gap) or longer, [`forget_unfinished`](Self::forget_unfinished)
+    /// comes first.
+    #[inline(always)]
+    pub fn gather(&mut self, octet: u8) -> Gathered {
+        self.receiver.gather(octet)
+    }
+
+    /// The second part, where [`gather`](Self::gather) asks for it, with the same octet. What must
+    /// follow is [`take_collected`](Self::take_collected).
+    #[inline(always)]
+    pub fn look(&mut self, octet: u8) -> bool {
+        self.receiver.look(octet, &mut Anticipating(&mut self.slave)) == Collected::Telegram
+    }
+
+    /// From the end of one octet to the end of the next: as long as this, and the line was idle.
+    /// It changes with the rate.
+    pub const fn idle_gap(&self) -> Duration {
+        self.receiver.idle_gap()
+    }
+
+    /// Whether the telegram that [`look`](Self::look) has just completed is a
+    /// Data_Exchange whose reply is sure to begin with SD2: a driver may send that octet before
+    /// it asks for the rest, by [`take_collected`](Self::take_collected) and
+    /// [`transmit`](Station::transmit).
+    #[inline(always)]
+    pub fn answers_data(&self, now: Instant) -> bool {
+        self.slave.answers_data(now)
     }
 
     /// The second half of [`receive_octet`](Self::receive_octet), for the octet that has just
@@ -108,6 +145,14 @@ impl<A: Application, const IN: usize, const OUT: usize> DpSlave<A, IN, OUT> {
             return None;
         }
         self.slave.frame(now, frame)
+    }
+
+    /// A telegram for another station has come, which keeps the rate alive; it ended at `now`.
+    #[inline]
+    pub fn hear_foreign(&mut self, now: Instant) {
+        if !self.slave.is_heard(now) {
+            self.retune();
+        }
     }
 
     /// What was collected is not an SD2. By itself, so that each kind lies where it is known to.
@@ -188,6 +233,45 @@ impl<A: Application, const IN: usize, const OUT: usize> DpSlave<A, IN, OUT> {
         if let Some(rate) = self.slave.take_retuned() {
             self.receiver.set_baudrate(rate);
         }
+    }
+}
+
+/// Hears whole telegrams.
+struct Plain<'a, A, const IN: usize, const OUT: usize>(&'a mut Slave<A, IN, OUT>);
+
+impl<A: Application, const IN: usize, const OUT: usize> Listener for Plain<'_, A, IN, OUT> {
+    #[inline(always)]
+    fn begins(&mut self) {
+        // A reply that is not fetched yet can only be met by the first octet after it.
+        self.0.drop_reply();
+    }
+
+    #[inline(always)]
+    fn is_foreign(&self, da: u8) -> bool {
+        !self.0.is_meant(da)
+    }
+
+    #[inline(always)]
+    fn ahead(&mut self, _: u8, _: u8, _: [u8; 3]) {}
+}
+
+/// Looks ahead, too: what it can decide before the last octet it need not decide after it.
+struct Anticipating<'a, A, const IN: usize, const OUT: usize>(&'a mut Slave<A, IN, OUT>);
+
+impl<A: Application, const IN: usize, const OUT: usize> Listener for Anticipating<'_, A, IN, OUT> {
+    #[inline(always)]
+    fn begins(&mut self) {
+        self.0.begin();
+    }
+
+    #[inline(always)]
+    fn is_foreign(&self, da: u8) -> bool {
+        !self.0.is_meant(da)
+    }
+
+    #[inline(always)]
+    fn ahead(&mut self, start: u8, le: u8, head: [u8; 3]) {
+        self.0.anticipate(start, le, head);
     }
 }
 

@@ -244,7 +244,10 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
         self.set_min_tsdr(now, prm.min_tsdr);
         let session = Session { owner: master, group_ident: prm.group_ident };
         self.state = match self.state {
-            State::DataExchange(_, lengths) => State::DataExchange(session, lengths),
+            State::DataExchange(_, lengths) => {
+                self.expect(session, lengths);
+                State::DataExchange(session, lengths)
+            }
             _ => State::WaitCfg(session),
         };
         self.tell(now, if exchanging { Event::ParametersChanged } else { Event::Parameterized { master } });
@@ -342,6 +345,7 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
         }
         self.faults.cfg = false;
         self.state = State::DataExchange(session, lengths);
+        self.expect(session, lengths);
         self.announcement = Announcement {
             // What the master has not seen in this form yet waits to be fetched.
             pending: self.application.external_diagnosis(true),

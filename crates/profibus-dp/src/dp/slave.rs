@@ -17,7 +17,7 @@ use crate::fdl::station::Window;
 use crate::time::{Baudrate, Instant};
 use crate::wire::chk_cfg::Lengths;
 use crate::wire::function_code::FunctionCode;
-use crate::wire::telegram::{ADDRESS, Frame};
+use crate::wire::telegram::{ADDRESS, Frame, SD2};
 use crate::wire::{DataTelegram, Sap, Telegram};
 
 /// Where the slave stands, and what holds there.
@@ -122,6 +122,10 @@ pub struct Slave<A, const IN: usize, const OUT: usize> {
     alarm: Instant,
     /// The rate has changed since the receiver was told.
     retuned: bool,
+    /// The telegram that comes in will be a Data_Exchange that is answered with data.
+    ahead: bool,
+    /// SD2, LE, DA and SA of such a telegram; nothing that there is where none is answered so.
+    expected: [u8; 4],
 }
 
 impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
@@ -140,6 +144,8 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
             baud,
             alarm: Instant::MAX,
             retuned: false,
+            ahead: false,
+            expected: [0; 4],
         };
         slave.rearm();
         slave
@@ -247,6 +253,38 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
             }
             _ => None,
         }
+    }
+
+    /// A telegram begins: the reply before it is dropped, and nothing is known ahead.
+    #[inline(always)]
+    pub(super) fn begin(&mut self) {
+        self.drop_reply();
+        self.ahead = false;
+    }
+
+    /// All of a telegram has come but its end delimiter.
+    ///
+    /// Remembers whether it is to be answered with data. A retry is, too: the answer before was
+    /// given in data exchange as well, or else a Set_Prm and a Chk_Cfg had come since.
+    #[inline(always)]
+    pub(super) fn anticipate(&mut self, start: u8, le: u8, [da, sa, fc]: [u8; 3]) {
+        self.ahead = FunctionCode(fc).is_srd_request()
+            && u32::from_ne_bytes([start, le, da, sa]) == u32::from_ne_bytes(self.expected);
+    }
+
+    /// Data is exchanged from now on; works out what can be known ahead.
+    pub(super) fn expect(&mut self, session: Session, lengths: Lengths) {
+        let address = self.station.address();
+        self.expected = match address.filter(|_| lengths.inputs != 0) {
+            Some(address) => [SD2, lengths.outputs.wrapping_add(3), address, session.owner],
+            None => [0; 4],
+        };
+    }
+
+    /// Whether what has come by now is answered with data, if time brings nothing before.
+    #[inline(always)]
+    pub(super) fn answers_data(&self, now: Instant) -> bool {
+        self.ahead && self.baud.is_found() && now < self.alarm
     }
 
     /// The owner's Data_Exchange.
@@ -414,6 +452,7 @@ impl<A: Application, const IN: usize, const OUT: usize> Slave<A, IN, OUT> {
     /// LEAVE-MASTER: outputs cleared, modes off, no owner, watchdog stopped, Wait_Prm.
     pub(super) fn leave(&mut self, now: Instant, cause: Cause) {
         self.state = State::WaitPrm;
+        (self.ahead, self.expected) = (false, [0; 4]);
         self.announcement = Announcement::default();
         self.modes.leave();
         self.watchdog.set(now, None);

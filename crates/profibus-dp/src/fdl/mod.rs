@@ -8,5 +8,5 @@ pub mod station;
 
 pub use baud_search::{BaudSearch, BaudSetting};
 pub use passive_station::PassiveStation;
-pub use receiver::{Receiver, ReceiverMode};
+pub use receiver::{Collected, Gathered, Receiver, ReceiverMode};
 pub use station::{Station, Window};

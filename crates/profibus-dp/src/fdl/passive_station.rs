@@ -114,6 +114,12 @@ impl PassiveStation {
         self.min_tsdr
     }
 
+    /// From the end of a request to the earliest start of its reply: min T_SDR in force.
+    #[inline]
+    pub const fn reply_delay(&self) -> Duration {
+        Duration::from_nanos(self.delays.0 as u64)
+    }
+
     /// Sets the window of the replies to come: from min T_SDR to
     /// max(max T_SDR of the rate, min T_SDR) + 11 bit times.
     pub(crate) fn set_times(&mut self, rate: Baudrate, min_tsdr: u8) {

@@ -33,9 +33,16 @@ pub struct Receiver {
     mode: ReceiverMode,
     /// Octets collected.
     length: u8,
-    /// With how many the next look at them is due: [`START`] when nothing was collected yet,
-    /// later where the head or the whole telegram is complete; [`DEAF`].
+    /// Stream mode: with how many the next look at them is due.
     look_at: u8,
+    /// Idle mode: how many octets are missing until the next look at them.
+    left: u8,
+    /// Idle mode: what that look is for.
+    stage: Stage,
+    /// Idle mode: with how many octets the FCS has come.
+    fcs_at: u8,
+    /// Idle mode: for another station, so that its octets are summed but not kept.
+    foreign: bool,
     /// Idle mode: the sum of all octets from DA on.
     sum: u8,
     /// End of the newest octet.
@@ -48,14 +55,79 @@ pub struct Receiver {
     octets: [u8; 256],
 }
 
+/// What a look at the octets collected is for (idle mode).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// The start delimiter.
+    Start,
+    /// SD2, LE, LE again, SD2.
+    Head,
+    /// DA.
+    Destination,
+    /// FCS.
+    Sum,
+    /// The end delimiter.
+    End,
+    /// SA of a token, its last octet: it has no sum and no end delimiter.
+    Token,
+    /// Nothing: it is no telegram.
+    Deaf,
+}
+
+/// What an octet has completed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Collected {
+    /// No telegram, or none without a fault.
+    Nothing,
+    /// One that may be for us, and was kept.
+    Telegram,
+    /// One for another station, of which nothing was kept.
+    Foreign,
+}
+
+/// What remains to be done with an octet.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Gathered {
+    /// Nothing.
+    Nothing,
+    /// A look at what was collected.
+    Look,
+    /// It has completed a telegram for another station.
+    Foreign,
+}
+
+/// Who is told of a telegram while it comes in, octet by octet.
+pub(crate) trait Listener {
+    /// The first octet after another telegram, a fault or silence has come.
+    fn begins(&mut self);
+
+    /// Whether nobody here wants a telegram with this DA: it is checked, but not kept.
+    fn is_foreign(&self, da: u8) -> bool;
+
+    /// Of a telegram that is kept all but the end delimiter has come, and its sum is good. Of an
+    /// SD2 these are LE, and DA, SA and FC.
+    fn ahead(&mut self, start: u8, le: u8, head: [u8; 3]);
+}
+
+/// Wants every telegram.
+struct Everything;
+
+impl Listener for Everything {
+    fn begins(&mut self) {}
+
+    fn is_foreign(&self, _: u8) -> bool {
+        false
+    }
+
+    fn ahead(&mut self, _: u8, _: u8, _: [u8; 3]) {}
+}
+
 /// The first look is at the start delimiter.
 const START: u8 = 1;
-/// The look at an SD2 with both lengths: four octets.
-const SD2_HEAD: u8 = 4;
-/// A token is whole with three octets, has no sum and no end delimiter.
-const TOKEN: u8 = 3;
-/// No look: what comes is no telegram until the line has been idle (idle mode).
-const DEAF: u8 = 0;
+/// DA is octet 5 of an SD2.
+const DA_OF_SD2: u8 = 5;
+/// PDU octets that hold all the SAPs that there may be.
+const BOTH_SAPS: u8 = 2;
 
 /// What silence ends a telegram in stream mode, where a chunk may be late.
 const STREAM_GAP: Duration = Duration::from_millis(10);
@@ -67,6 +139,10 @@ impl Receiver {
             mode,
             length: 0,
             look_at: START,
+            left: START,
+            stage: Stage::Start,
+            fcs_at: 0,
+            foreign: false,
             sum: 0,
             last: Instant::ZERO,
             gap: 0,
@@ -96,15 +172,31 @@ impl Receiver {
     }
 
     /// Forgets an unfinished telegram: the far side has gone.
+    #[inline]
     pub fn forget(&mut self) {
         (self.length, self.look_at) = (0, START);
+        (self.left, self.stage, self.foreign) = (START, Stage::Start, false);
+    }
+
+    /// From now on nothing is a telegram until the line was idle.
+    #[inline]
+    fn go_deaf(&mut self) -> bool {
+        cold_path();
+        (self.stage, self.foreign) = (Stage::Deaf, false);
+        false
+    }
+
+    /// How long the line is silent after the end of one octet, up to the end of the next, when
+    /// it counts as idle.
+    pub const fn idle_gap(&self) -> Duration {
+        Duration::from_nanos(self.gap as u64)
     }
 
     /// A character with a parity, framing or overrun error ended at `now`.
     pub fn line_error(&mut self, now: Instant) {
         self.forget();
         if self.mode == ReceiverMode::Idle {
-            self.look_at = DEAF;
+            self.go_deaf();
         }
         self.last = now;
     }
@@ -134,7 +226,7 @@ impl Receiver {
     /// `None`: [`pieces`](Self::pieces) has to look at the octets.
     #[inline(always)]
     pub(crate) fn whole<'a>(&mut self, now: Instant, octets: &'a [u8]) -> Option<Frame<'a>> {
-        if self.look_at != START {
+        if self.length != 0 || self.stage != Stage::Start {
             return None;
         }
         let frame = telegram::parse_usual(octets)?;
@@ -161,7 +253,7 @@ impl Receiver {
     ///
     /// Returns the telegram that it completes.
     pub fn octet(&mut self, now: Instant, octet: u8) -> Option<Telegram<'_>> {
-        if !self.completes(now, octet, || ()) {
+        if self.completes(now, octet, &mut Everything) == Collected::Nothing {
             return None;
         }
         match self.octets {
@@ -181,20 +273,84 @@ impl Receiver {
         self.sd2_frame().or_else(|| self.other_frame())
     }
 
-    /// Takes one octet; whether it completes a telegram without a fault. If it is the first after
-    /// another telegram, a fault or silence, `begins` is called.
+    /// Takes one octet; whether it completes a telegram without a fault.
     ///
     /// What the telegram is, [`sd2_frame`](Self::sd2_frame) and
     /// [`other_frame`](Self::other_frame) tell before the next octet comes.
     #[inline(always)]
-    pub(crate) fn completes(&mut self, now: Instant, octet: u8, begins: impl FnOnce()) -> bool {
+    pub(crate) fn completes(&mut self, now: Instant, octet: u8, listener: &mut impl Listener) -> Collected {
         let silence = now.as_nanos().wrapping_sub(self.last.as_nanos());
         self.last = now;
         if silence >= u64::from(self.gap) {
             self.forget();
         }
-        self.store(octet);
-        if self.length == self.look_at { self.look(octet, begins) } else { self.add(octet) }
+        match self.gather(octet) {
+            Gathered::Nothing => Collected::Nothing,
+            Gathered::Foreign => Collected::Foreign,
+            Gathered::Look => self.look(octet, listener),
+        }
+    }
+
+    /// The first part of [`completes`](Self::completes), all that most octets need; for an octet
+    /// that comes after idle time, [`forget`](Self::forget) comes first.
+    #[inline(always)]
+    pub(crate) fn gather(&mut self, octet: u8) -> Gathered {
+        self.left = self.left.wrapping_sub(1);
+        let due = self.left == 0;
+        if self.foreign {
+            if due {
+                return self.check(octet);
+            }
+        } else {
+            self.store(octet);
+            if due {
+                return Gathered::Look;
+            }
+        }
+        // The sum begins after the head.
+        self.sum = self.sum.wrapping_add(octet);
+        Gathered::Nothing
+    }
+
+    /// The second part: looks at what was collected, the newest octet included.
+    #[inline(always)]
+    pub(crate) fn look(&mut self, octet: u8, listener: &mut impl Listener) -> Collected {
+        let completes = match self.stage {
+            Stage::Start => {
+                listener.begins();
+                self.look_at_start(octet)
+            }
+            Stage::Head => self.look_at_head(),
+            Stage::Destination => self.look_at_destination(octet, listener),
+            Stage::Sum => self.look_at_sum(octet, listener),
+            Stage::End => self.look_at_end(octet),
+            Stage::Token => {
+                cold_path();
+                self.forget();
+                true
+            }
+            Stage::Deaf => {
+                // So much was collected while deaf that the length is back at its beginning.
+                cold_path();
+                false
+            }
+        };
+        if completes { Collected::Telegram } else { Collected::Nothing }
+    }
+
+    /// FCS or end delimiter of a telegram for another station.
+    #[inline(always)]
+    fn check(&mut self, octet: u8) -> Gathered {
+        if self.stage == Stage::Sum && self.sum == octet {
+            (self.stage, self.left) = (Stage::End, 1);
+            return Gathered::Nothing;
+        }
+        if self.stage == Stage::End && octet == ED {
+            self.forget();
+            return Gathered::Foreign;
+        }
+        self.go_deaf();
+        Gathered::Nothing
     }
 
     fn receive_idle(
@@ -269,51 +425,26 @@ impl Receiver {
         self.length = self.length.wrapping_add(1);
     }
 
-    /// An octet that is only collected: most are. The sum begins after the head.
-    #[inline(always)]
-    fn add(&mut self, octet: u8) -> bool {
-        self.sum = self.sum.wrapping_add(octet);
-        false
-    }
-
-    /// Looks at what was collected, the newest octet included; whether it is a whole telegram
-    /// without a fault.
-    #[inline(always)]
-    fn look(&mut self, octet: u8, begins: impl FnOnce()) -> bool {
-        match self.length {
-            5.. => self.look_at_end(octet),
-            START => {
-                begins();
-                self.look_at_start(octet)
-            }
-            SD2_HEAD => self.look_at_head(),
-            TOKEN => {
-                cold_path();
-                self.forget();
-                true
-            }
-            _ => {
-                // So much was collected while deaf that the length is back at its beginning.
-                cold_path();
-                false
-            }
-        }
-    }
-
     /// How long is what this start delimiter begins, as far as it says.
     #[inline(always)]
     fn look_at_start(&mut self, octet: u8) -> bool {
         self.sum = 0;
-        self.look_at = match octet {
-            SD2 => SD2_HEAD,
-            SD1 => 6,
-            SD4 => TOKEN,
-            SD3 => 14,
+        (self.stage, self.left) = match octet {
+            SD2 => (Stage::Head, 3),
+            SD1 => {
+                self.fcs_at = 5;
+                (Stage::Destination, 1)
+            }
+            SD4 => (Stage::Token, 2),
+            SD3 => {
+                self.fcs_at = 13;
+                (Stage::Destination, 1)
+            }
             SC => {
                 self.forget();
                 return true;
             }
-            _ => DEAF,
+            _ => return self.go_deaf(),
         };
         false
     }
@@ -322,23 +453,45 @@ impl Receiver {
     #[inline(always)]
     fn look_at_head(&mut self) -> bool {
         let [_, le, ..] = self.octets;
-        if self.octets.first_chunk() == Some(&[SD2, le, le, SD2]) && LE_RANGE.contains(&le) {
-            (self.look_at, self.sum) = (le.wrapping_add(6), 0);
-        } else {
-            self.look_at = DEAF;
+        if self.octets.first_chunk() != Some(&[SD2, le, le, SD2])
+            || le.wrapping_sub(*LE_RANGE.start()) > LE_RANGE.end().wrapping_sub(*LE_RANGE.start())
+        {
+            return self.go_deaf();
         }
+        self.fcs_at = le.wrapping_add(DA_OF_SD2);
+        (self.stage, self.left) = (Stage::Destination, 1);
         false
     }
 
-    /// FCS and end delimiter.
+    /// DA: whose telegram it is. One that is so short that it could lack a SAP which it announces
+    /// is kept, to be looked at.
+    #[inline(always)]
+    fn look_at_destination(&mut self, da: u8, listener: &impl Listener) -> bool {
+        self.left = self.fcs_at.wrapping_sub(self.length);
+        self.stage = Stage::Sum;
+        self.sum = da;
+        // SA, FC, the SAPs, FCS.
+        self.foreign = self.left >= BOTH_SAPS + 3 && listener.is_foreign(da);
+        false
+    }
+
+    /// FCS.
+    #[inline(always)]
+    fn look_at_sum(&mut self, fcs: u8, listener: &mut impl Listener) -> bool {
+        if self.sum != fcs {
+            return self.go_deaf();
+        }
+        (self.stage, self.left) = (Stage::End, 1);
+        let [start, le, _, _, da, sa, fc, ..] = self.octets;
+        listener.ahead(start, le, [da, sa, fc]);
+        false
+    }
+
+    /// The end delimiter.
     #[inline(always)]
     fn look_at_end(&mut self, octet: u8) -> bool {
-        let fcs = self.octets.get(usize::from(self.length.wrapping_sub(2))).copied().unwrap_or(0);
-        // The sum holds the FCS too.
-        if octet != ED || self.sum.wrapping_sub(fcs) != fcs {
-            cold_path();
-            self.look_at = DEAF;
-            return false;
+        if octet != ED {
+            return self.go_deaf();
         }
         self.forget();
         true
@@ -375,7 +528,7 @@ impl Receiver {
     #[cold]
     pub(crate) fn spoil(&mut self) {
         if !matches!(self.octets, [SD4 | SC, ..]) {
-            self.look_at = DEAF;
+            self.go_deaf();
         }
     }
 }

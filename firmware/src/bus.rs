@@ -1,10 +1,13 @@
 //! The bus: octets in, replies out, all in one interrupt.
 
+use core::mem::MaybeUninit;
 use core::ptr;
 
+use logic::usart::Received;
 use profibus_dp::fdl::{Gathered, Station, Window};
 use profibus_dp::time::{Baudrate, Duration, Instant};
-use sch108bex::halves::BusHalf;
+use sch108bex::device::PowerOn;
+use sch108bex::halves::{BusHalf, ShaftHalf};
 
 use crate::cell::Topmost;
 use crate::clock::Clock;
@@ -33,19 +36,10 @@ pub trait Line {
     fn listen(&self);
     /// Another rate.
     fn set_rate(&self, rate: Baudrate);
-    /// After bus half's state: the latch's priority has something to do.
+    /// The latch's priority has something to do.
     fn demand(&self);
-}
-
-/// What a USART has received.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Received {
-    /// An octet.
-    Octet(u8),
-    /// A character with an error.
-    Error,
-    /// Nothing.
-    Nothing,
+    /// The alarm's interrupt when the counter is there, or never.
+    fn alarm(&self, ticks: Option<u32>);
 }
 
 /// How a transmitter is, as far as its interrupts are on.
@@ -85,22 +79,39 @@ const LONG_AGO: u32 = 1 << 30;
 pub static BUS: Topmost<Bus> = Topmost::new();
 
 impl Bus {
-    /// At power-on.
-    pub fn new(half: BusHalf, clock: Clock) -> Self {
-        let rate = half.bus().listening_rate();
-        let (heard, gap) = (clock.ticks(), clock.ticks_of(half.idle_gap()));
-        let (next, end) = (ptr::null(), ptr::null());
-        Self { heard, gap, clock, half, paced: true, rate, waiting: None, next, end }
+    /// Without power.
+    // Not inlined: so it is made where it lies, and not on the stack of whoever asks.
+    #[inline(never)]
+    pub fn make(place: &mut MaybeUninit<Self>) {
+        place.write(Self {
+            heard: 0,
+            gap: 0,
+            clock: Clock::STOPPED,
+            half: BusHalf::blank(()),
+            paced: false,
+            rate: Baudrate::B9600,
+            waiting: None,
+            next: ptr::null(),
+            end: ptr::null(),
+        });
     }
 
-    /// The device is switched on anew.
-    pub fn restart(&mut self, half: BusHalf, clock: Clock, paced: bool, line: &impl Line) {
+    /// The device is switched on.
+    pub fn restart(&mut self, clock: Clock, paced: bool, power_on: PowerOn, line: &impl Line) -> ShaftHalf {
         line.listen();
-        self.half = half;
         self.clock = clock;
         self.paced = paced;
         self.waiting = None;
+        let shaft = self.half.switch_on(Instant::ZERO, power_on);
         self.set_rate(line);
+        shaft
+    }
+
+    /// The power is gone: silent until the next [`restart`](Self::restart).
+    pub fn stop(&mut self, line: &impl Line) {
+        line.listen();
+        self.waiting = None;
+        self.half.switch_off();
     }
 
     fn follow_rate(&mut self, line: &impl Line) {
@@ -206,8 +217,11 @@ impl Bus {
             self.start(window.not_before, line);
             return;
         }
-        if window.not_before.since(now) > BUSY_WAIT {
+        let delay = window.not_before.since(now);
+        if delay > BUSY_WAIT {
             self.waiting = Some(window);
+            // Rounded up: not before.
+            line.alarm(Some(self.heard.wrapping_add(self.clock.ticks_of(delay)).wrapping_add(1)));
             return;
         }
         loop {
@@ -273,7 +287,7 @@ impl Bus {
 ///
 /// # Safety
 ///
-/// Only from the one interrupt of the highest priority.
+/// Only from an interrupt of the highest priority.
 #[inline(always)]
 pub unsafe fn interrupt(line: &impl Line) {
     // SAFETY: the owner, by the caller.
@@ -295,4 +309,15 @@ pub unsafe fn interrupt(line: &impl Line) {
         Received::Error => bus.spoil(line),
         Received::Nothing => bus.go_on(line),
     }
+}
+
+/// The interrupt of the alarm: a reply is due.
+///
+/// # Safety
+///
+/// Only from an interrupt of the highest priority.
+pub unsafe fn alarm(line: &impl Line) {
+    line.alarm(None);
+    // SAFETY: an owner, by the caller.
+    unsafe { BUS.own() }.poll(line);
 }

@@ -30,14 +30,16 @@ impl<T> Topmost<T> {
         Self(UnsafeCell::new(MaybeUninit::uninit()))
     }
 
-    /// What comes first, before any interrupt is on.
+    /// Where what comes first is made; before any interrupt is on.
     ///
     /// # Safety
     ///
     /// No interrupt that touches it may be on yet.
-    pub unsafe fn begin(&self, value: T) {
+    #[inline(always)]
+    #[expect(clippy::mut_from_ref, reason = "that is what the cell is for")]
+    pub unsafe fn begin(&self) -> &mut MaybeUninit<T> {
         // SAFETY: nobody else is there, by the caller.
-        unsafe { (*self.0.get()).write(value) };
+        unsafe { &mut *self.0.get() }
     }
 
     /// For the interrupt that owns it.
@@ -48,7 +50,7 @@ impl<T> Topmost<T> {
     #[inline(always)]
     #[expect(clippy::mut_from_ref, reason = "that is what the cell is for")]
     pub unsafe fn own(&self) -> &mut T {
-        // SAFETY: begun, and nothing else runs meanwhile, by the caller.
+        // SAFETY: nothing else runs meanwhile, by the caller.
         unsafe { (*self.0.get()).assume_init_mut() }
     }
 
@@ -68,14 +70,16 @@ impl<T> Latched<T> {
         Self(UnsafeCell::new(MaybeUninit::uninit()))
     }
 
-    /// What comes first, before any interrupt is on.
+    /// Where what comes first is made; before any interrupt is on.
     ///
     /// # Safety
     ///
     /// No interrupt that touches it may be on yet.
-    pub unsafe fn begin(&self, value: T) {
+    #[inline(always)]
+    #[expect(clippy::mut_from_ref, reason = "that is what the cell is for")]
+    pub unsafe fn begin(&self) -> &mut MaybeUninit<T> {
         // SAFETY: nobody else is there, by the caller.
-        unsafe { (*self.0.get()).write(value) };
+        unsafe { &mut *self.0.get() }
     }
 
     /// For the interrupts that own it.
@@ -86,12 +90,11 @@ impl<T> Latched<T> {
     #[inline(always)]
     #[expect(clippy::mut_from_ref, reason = "that is what the cell is for")]
     pub unsafe fn own(&self) -> &mut T {
-        // SAFETY: begun, and nothing else that touches it runs meanwhile, by the caller.
+        // SAFETY: nothing else that touches it runs meanwhile, by the caller.
         unsafe { (*self.0.get()).assume_init_mut() }
     }
 
-    /// For the main loop, after [`begin`](Self::begin): the latch waits meanwhile, the bus does
-    /// not.
+    /// For the main loop, after [`begin`](Self::begin): the latch waits meanwhile, the bus does not.
     #[inline(always)]
     pub fn lock<R>(&self, work: impl FnOnce(&mut T) -> R) -> R {
         // SAFETY: raises the priority from none; nothing relies on interrupts of the latch here.

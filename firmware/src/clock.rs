@@ -25,14 +25,24 @@ pub struct Clock {
     at: Instant,
 }
 
+/// What a clock without a counter reads.
+static NOTHING: u32 = 0;
+
+// SAFETY: it reads registers or a word that is written whole.
+unsafe impl Send for Clock {}
+
 impl Clock {
+    /// One that stands.
+    pub const STOPPED: Self =
+        Self { counter: &raw const NOTHING, scale: Scale(1 << 24), ticks: 0, at: Instant::ZERO };
+
     /// From a counter on, at time 0.
     ///
     /// # Safety
     ///
     /// `counter` can be read for ever.
     pub unsafe fn new(counter: *const u32, scale: Scale) -> Self {
-        let mut clock = Self { counter, scale, ticks: 0, at: Instant::ZERO };
+        let mut clock = Self { counter, scale, ..Self::STOPPED };
         clock.ticks = clock.ticks();
         clock
     }
@@ -68,9 +78,9 @@ impl Clock {
         ticks.and_then(|ticks| u32::try_from(ticks).ok()).unwrap_or(u32::MAX)
     }
 
-    /// Ticks from latch to latch, without a rest at all rates that there are.
-    pub fn latch_ticks(&self) -> u32 {
-        self.ticks_of(LATCH_PERIOD)
+    /// The counter now, and its ticks from latch to latch: no rest at any rate that there is.
+    pub fn timing(&self) -> (u32, u32) {
+        (self.ticks(), self.ticks_of(LATCH_PERIOD))
     }
 
     /// The latch at `at` was when the counter was at `ticks`.

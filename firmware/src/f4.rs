@@ -4,15 +4,15 @@ use cortex_m::peripheral::SCB;
 use profibus_dp::time::Baudrate;
 use stm32f4::stm32f405 as pac;
 
-use crate::bus::{Line, Received, Transmitter};
+use logic::usart::{self, Received};
+
+use crate::bus::{Line, Transmitter};
+use crate::f4_clock::{self, Speed};
 use crate::link::Wire;
 
 /// USART1 at the bus, PB5 switches the driver.
 #[derive(Debug)]
-pub struct BusUsart {
-    /// What feeds the USART, in hertz.
-    pub hertz: u32,
-}
+pub struct BusUsart;
 
 /// USART2 at the world link.
 #[derive(Debug)]
@@ -38,18 +38,13 @@ fn driver(on: bool) {
 impl Line for BusUsart {
     #[inline(always)]
     fn received(&self) -> Received {
-        let usart = usart1();
-        let status = usart.sr().read().bits();
-        // RXNE, and PE, FE, NF, ORE.
-        if status & 0x2F == 0 {
-            return Received::Nothing;
+        let registers = usart1();
+        let status = u32::from(registers.sr().read().bits());
+        if usart::is_due(status) {
+            usart::received(status, registers.dr().read().bits().into())
+        } else {
+            Received::Nothing
         }
-        let octet = usart.dr().read().bits();
-        if status & 0x0F != 0 {
-            return Received::Error;
-        }
-        // Bit 8 is the parity bit.
-        Received::Octet((octet & 0xFF) as u8)
     }
 
     #[inline]
@@ -90,13 +85,27 @@ impl Line for BusUsart {
         driver(false);
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "84 MHz over 9600 is 8750")]
     fn set_rate(&self, rate: Baudrate) {
-        // Eight samples a bit: fractions are eighths, in the lower three bits.
-        let eighths = (self.hertz + rate.bits_per_second() / 2) / rate.bits_per_second();
-        let divider = ((eighths & !7) << 1) | (eighths & 7);
+        let hertz = f4_clock::speed().usart1();
+        // A rate that cannot be had is not heard either: the search goes on.
+        let divider = usart::divider_of_eight(hertz, rate.bits_per_second());
+        let divider = divider.and_then(|divider| u16::try_from(divider).ok()).unwrap_or(u16::MAX);
         // SAFETY: any divider is allowed.
-        usart1().brr().write(|w| unsafe { w.bits(divider as u16) });
+        usart1().brr().write(|w| unsafe { w.bits(divider) });
+    }
+
+    fn alarm(&self, ticks: Option<u32>) {
+        // An emulator's timer has no interrupt that works: there the latch looks.
+        if f4_clock::speed() == Speed::Emulated {
+            return;
+        }
+        // SAFETY: registers; what is written are any count, no flag, the first channel's interrupt.
+        unsafe {
+            let timer = &*pac::TIM2::ptr();
+            timer.ccr1().write(|w| w.bits(ticks.unwrap_or(0)));
+            timer.sr().write(|w| w.bits(0));
+            timer.dier().write(|w| w.bits(if ticks.is_some() { 1 << 1 } else { 0 }));
+        }
     }
 
     fn demand(&self) {

@@ -19,3 +19,7 @@ pub mod shaft;
 
 #[cfg(feature = "olimex_h405")]
 pub mod f4;
+#[cfg(feature = "olimex_h405")]
+pub mod f4_clock;
+#[cfg(feature = "olimex_h405")]
+pub mod f4_end_cap;

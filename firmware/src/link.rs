@@ -1,7 +1,9 @@
 //! The world link's end: its USART, and the memory that it fills.
 
+use core::mem::MaybeUninit;
+
 use logic::world::{Message, Reader};
-use sch108bex::nonvolatile::SLOT_OCTETS;
+use sch108bex::nonvolatile::{SLOT_OCTETS, Slot};
 
 use crate::cell::Latched;
 
@@ -28,14 +30,18 @@ pub static LINK: Latched<Link> = Latched::new();
 
 impl Link {
     /// Nothing came, and the memory is empty.
-    pub const fn new() -> Self {
-        Self { reader: Reader::new(), message: None, slots: [[0xFF; SLOT_OCTETS]; 2] }
+    #[inline(never)]
+    pub fn make(place: &mut MaybeUninit<Self>) {
+        place.write(Self { reader: Reader::new(), message: None, slots: [[0xFF; SLOT_OCTETS]; 2] });
     }
-}
 
-impl Default for Link {
-    fn default() -> Self {
-        Self::new()
+    /// What a slot holds.
+    pub fn slot(&mut self, slot: Slot) -> &mut [u8; SLOT_OCTETS] {
+        let [a, b] = &mut self.slots;
+        match slot {
+            Slot::A => a,
+            Slot::B => b,
+        }
     }
 }
 

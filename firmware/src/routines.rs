@@ -114,3 +114,23 @@ global_asm!(
     "pop {{r4, r5, r6, r7, pc}}",
     ".size __aeabi_uldivmod, . - __aeabi_uldivmod",
 );
+
+// memcmp(one, other, length): the difference of the first octets that differ.
+global_asm!(
+    ".syntax unified",
+    ".section .text.small_compare, \"ax\", %progbits",
+    ".global memcmp",
+    ".type memcmp, %function",
+    ".thumb_func",
+    "memcmp:",
+    "mov r12, r0",
+    "movs r0, #0",
+    "1: subs r2, #1",
+    "blo 2f",
+    "ldrb r3, [r12], #1",
+    "ldrb r0, [r1], #1",
+    "subs r0, r3, r0",
+    "beq 1b",
+    "2: bx lr",
+    ".size memcmp, . - memcmp",
+);

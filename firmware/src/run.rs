@@ -1,16 +1,17 @@
 //! The main loop: the world, the memory, the lamp, the watchdog.
 
-use core::sync::atomic::{AtomicU32, Ordering};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 
+use logic::memory::Writing;
 use logic::world::{self, Message, PowerOn as LinkPowerOn, World};
+use logic::{analog, as5047p, turns};
 use profibus_dp::fdl::{BaudSetting, ReceiverMode};
 use profibus_dp::time::{Baudrate, Instant};
-use sch108bex::device::{Device, PowerOn};
+use sch108bex::device::{NonvolatileWrite, PowerOn};
 use sch108bex::encoder::Identity;
 use sch108bex::end_cap::RotarySwitches;
-use sch108bex::halves::{BusHalf, ShaftHalf};
 use sch108bex::health::{Battery, Measurement};
-use sch108bex::nonvolatile::{Choice, Record, SLOT_OCTETS, choose};
+use sch108bex::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot, SlotContent, choose};
 use sch108bex::specification::{PLACEHOLDER_IDENT, SerialNumber, Variant};
 
 use crate::bus::{BUS, Bus, Line};
@@ -22,6 +23,23 @@ use crate::shaft::{SHAFT, Shaft};
 static VIRTUAL: AtomicU32 = AtomicU32::new(0);
 const VIRTUAL_LATCH: u32 = 500_000;
 const VIRTUAL_SCALE: Scale = Scale(1 << 24);
+
+/// The bench plays the world: the latch takes what the world link told.
+pub static ON_BENCH: AtomicBool = AtomicBool::new(false);
+
+/// So many turns of the main loop, one each latch, a memory may be busy with one page.
+const PATIENCE: u8 = 30;
+
+/// What a memory did with a piece.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Taken {
+    /// It is busy with the one before.
+    Busy,
+    /// It has it.
+    Yes,
+    /// It does not answer at all.
+    No,
+}
 
 /// What the main loop needs of a board.
 pub trait Board {
@@ -35,7 +53,7 @@ pub trait Board {
     fn wire(&self) -> &Self::Wire;
     /// The free-running counter and its ticks.
     fn counter(&self) -> (*const u32, Scale);
-    /// Latches by the timer begin or stop; the counter at the first.
+    /// Latches by the timer begin or stop.
     fn run_latches(&self, on: bool);
     /// The latch's interrupt comes now.
     fn latch(&self);
@@ -45,9 +63,23 @@ pub trait Board {
     fn lamp(&self, on: bool);
     /// The watchdog is satisfied for now.
     fn feed(&self);
+    /// Whether the jumper says that a host plays the world.
+    fn on_bench(&self) -> bool;
+    /// The eight lines of the rotary switches.
+    fn switches(&self) -> u8;
+    /// The voltages, measured now.
+    fn readings(&self) -> analog::Readings;
+    /// Whether the part's own supply falls.
+    fn power_fails(&self) -> bool;
+    /// What the battery's registers hold.
+    fn kept(&self) -> [u32; turns::WORDS];
+    /// Writes a piece to the memory.
+    fn write(&self, address: u16, octets: &[u8]) -> Taken;
+    /// Reads a slot of the memory; not even all FFh where it does not answer.
+    fn read(&self, address: u16) -> [u8; SLOT_OCTETS];
 }
 
-fn power_on(rate: BaudSetting, switches: u8, variant: Variant, stored: Choice, battery: Battery) -> PowerOn {
+fn power_on(baud: BaudSetting, switches: u8, variant: Variant, stored: Choice, battery: Battery) -> PowerOn {
     PowerOn {
         identity: Identity {
             variant,
@@ -57,45 +89,37 @@ fn power_on(rate: BaudSetting, switches: u8, variant: Variant, stored: Choice, b
         },
         stored,
         battery,
-        baud: rate,
+        baud,
         receiver: ReceiverMode::Idle,
     }
 }
 
-#[inline(never)]
-fn switch_on(power_on: PowerOn) -> (BusHalf, ShaftHalf) {
-    Device::new(Instant::ZERO, power_on, ()).into_halves()
-}
-
 /// The device from start to end.
 pub fn run(board: &impl Board) -> ! {
-    let (counter, scale) = board.counter();
-    // Without power, so to say: no address, no reply.
-    let off =
-        power_on(BaudSetting::Fixed(Baudrate::B500000), 0, Variant::FULL, Choice::AsDelivered, Battery::Ok);
-    let (bus, shaft) = switch_on(off);
-    // SAFETY: no interrupt is on; the counter is a register.
+    let bench = board.on_bench();
+    ON_BENCH.store(bench, Ordering::Relaxed);
+    let mut stage =
+        Stage { measured: None, lock_step: false, writing: None, tries: 0, latches: 0, failing: false };
+    // SAFETY: no interrupt is on yet.
     unsafe {
-        let clock = Clock::new(counter, scale);
-        SHAFT.begin(Shaft::new(shaft, Instant::ZERO, &clock));
-        BUS.begin(Bus::new(bus, clock));
-        LINK.begin(Link::new());
+        Bus::make(BUS.begin());
+        SHAFT.begin().write(None);
+        Link::make(LINK.begin());
     }
     board.start();
-    let mut stage = Stage { measured: None, powered: false, lock_step: false };
+    if !bench {
+        power_up(board);
+    }
     loop {
-        board.feed();
-        if stage.powered {
+        stage.feed(board);
+        #[cfg(feature = "panic-on-purpose")]
+        assert!(stage.latches != u32::MAX, "on purpose");
+        if bench {
+            stage.listen(board);
+        } else {
+            stage.measure(board);
             stage.keep(board);
-        }
-        match LINK.lock(|link| link.message.take()) {
-            Some(message) => stage.obey(board, &message),
-            None => cortex_m::interrupt::free(|_| {
-                // With interrupts off: none that comes now is slept over.
-                if LINK.lock(|link| link.message.is_none()) {
-                    cortex_m::asm::wfi();
-                }
-            }),
+            cortex_m::asm::wfi();
         }
     }
 }
@@ -104,135 +128,220 @@ pub fn run(board: &impl Board) -> ! {
 #[derive(Debug)]
 struct Stage {
     measured: Option<Measurement>,
-    powered: bool,
     lock_step: bool,
+    writing: Option<Writing>,
+    /// How often the memory was busy with a piece.
+    tries: u8,
+    latches: u32,
+    failing: bool,
 }
 
 impl Stage {
-    fn obey(&mut self, board: &impl Board, message: &Message) {
+    /// The watchdog is for latches that come no more; on the bench the host may take its time.
+    fn feed(&mut self, board: &impl Board) {
+        let latches = SHAFT.lock(|shaft| shaft.as_ref().map_or(0, |shaft| shaft.latches));
+        if latches != self.latches || ON_BENCH.load(Ordering::Relaxed) {
+            self.latches = latches;
+            board.feed();
+        }
+    }
+
+    /// Supply, temperature, battery, and whether the end is near.
+    fn measure(&mut self, board: &impl Board) {
+        let measurement = board.readings().measurement(true);
+        let failing = board.power_fails();
+        let newly = failing && !self.failing;
+        self.failing = failing;
+        SHAFT.lock(|shaft| {
+            if let Some(shaft) = shaft {
+                if newly {
+                    shaft.half.shut_down();
+                }
+                shaft.measure(&measurement);
+            }
+        });
+        board.lamp(!measurement.supply_in_range());
+    }
+
+    /// Whatever the host says next.
+    fn listen(&mut self, board: &impl Board) {
+        self.keep(board);
+        match LINK.lock(|link| link.message.take()) {
+            Some(message) => self.obey(board, message),
+            None => cortex_m::interrupt::free(|_| {
+                // With interrupts off: none that comes now is slept over.
+                if LINK.lock(|link| link.message.is_none()) {
+                    cortex_m::asm::wfi();
+                }
+            }),
+        }
+    }
+
+    #[inline(never)]
+    fn obey(&mut self, board: &impl Board, message: Message) {
         let kind = match message {
             Message::Memory(slot, octets) => {
-                LINK.lock(|link| link.slots[usize::from(world::slot_number(*slot))] = *octets);
+                LINK.lock(|link| *link.slot(slot) = octets);
                 b'M'
             }
             Message::PowerOn(on) => {
-                self.power_on(board, on);
+                self.power_on(board, &on);
                 b'P'
             }
             Message::Latch(world) => {
-                self.latch(board, world);
-                self.keep(board);
+                self.latch(board, &world);
                 b'L'
             }
+            Message::More(count) => {
+                for _ in 0..count {
+                    self.step(board);
+                    self.keep(board);
+                }
+                b'T'
+            }
             Message::Cut => {
-                self.cut(board);
+                board.run_latches(false);
+                SHAFT.lock(|shaft| *shaft = None);
+                BUS.lock(|bus| bus.stop(board.line()));
                 b'C'
             }
             Message::Hello(number) => {
-                world::frame(b'H', &[*number], |octet| board.wire().send(octet));
+                tell(board, b'H', &[number]);
                 return;
             }
         };
-        let latches = SHAFT.lock(|shaft| shaft.latches);
+        let latches = SHAFT.lock(|shaft| shaft.as_ref().map_or(0, |shaft| shaft.latches));
         let [a, b, c, d] = latches.to_le_bytes();
-        world::frame(b'A', &[kind, 0, a, b, c, d], |octet| board.wire().send(octet));
+        tell(board, b'A', &[kind, 0, a, b, c, d]);
     }
 
-    fn cut(&mut self, board: &impl Board) {
-        board.run_latches(false);
-        self.powered = false;
-        let off = power_on(
-            BaudSetting::Fixed(Baudrate::B500000),
-            0,
-            Variant::FULL,
-            Choice::AsDelivered,
-            Battery::Ok,
-        );
-        let (bus, shaft) = switch_on(off);
-        let (counter, scale) = board.counter();
-        // SAFETY: the counter is a register.
-        let clock = unsafe { Clock::new(counter, scale) };
-        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO, &clock));
-        BUS.lock(|place| place.restart(bus, clock, false, board.line()));
-    }
-
+    #[inline(never)]
     fn power_on(&mut self, board: &impl Board, on: &LinkPowerOn) {
         board.run_latches(false);
-        let slots = LINK.lock(|link| {
+        let (a, b) = LINK.lock(|link| {
             if on.as_delivered {
                 link.slots = [[0xFF; SLOT_OCTETS]; 2];
             }
-            link.slots
+            (Record::decode(link.slot(Slot::A)), Record::decode(link.slot(Slot::B)))
         });
-        let stored = choose(Record::decode(&slots[0]), Record::decode(&slots[1]));
-        let rate = Baudrate::ALL[usize::from(on.rate % 10)];
+        let rate = Baudrate::ALL.get(usize::from(on.rate)).copied().unwrap_or(Baudrate::B500000);
         let baud = if on.search { BaudSetting::Search(rate) } else { BaudSetting::Fixed(rate) };
-        let power_on = power_on(baud, on.switches, on.variant, stored, on.battery);
-        let (bus, shaft) = switch_on(power_on);
-        self.measured = None;
-        self.powered = true;
-        self.lock_step = on.lock_step;
+        let power_on = power_on(baud, on.switches, on.variant, choose(a, b), on.battery);
+        (self.measured, self.lock_step) = (None, on.lock_step);
+        let (counter, scale) =
+            if on.lock_step { (VIRTUAL.as_ptr().cast_const(), VIRTUAL_SCALE) } else { board.counter() };
         // SAFETY: both can be read for ever.
-        let clock = unsafe {
-            if on.lock_step {
-                Clock::new(VIRTUAL.as_ptr(), VIRTUAL_SCALE)
-            } else {
-                let (counter, scale) = board.counter();
-                Clock::new(counter, scale)
-            }
-        };
-        SHAFT.lock(|place| *place = Shaft::new(shaft, Instant::ZERO, &clock));
-        BUS.lock(|place| place.restart(bus, clock, on.paced, board.line()));
-        if !on.lock_step {
-            board.run_latches(true);
-        }
+        let clock = unsafe { Clock::new(counter, scale) };
+        begin(board, clock, on.paced, power_on);
+        board.run_latches(!on.lock_step);
     }
 
+    #[inline(never)]
     fn latch(&mut self, board: &impl Board, world: &World) {
-        if !self.powered {
-            return;
-        }
-        let first = SHAFT.lock(|shaft| {
-            shaft.reading = world.shaft;
-            shaft.latches == 0
-        });
-        if self.lock_step {
-            if !first {
-                VIRTUAL.fetch_add(VIRTUAL_LATCH, Ordering::Relaxed);
+        SHAFT.lock(|shaft| {
+            if let Some(shaft) = shaft {
+                shaft.reading = world.shaft;
             }
-            board.latch();
-        }
+        });
+        self.step(board);
         if self.measured != Some(world.measurement) {
             self.measured = Some(world.measurement);
             SHAFT.lock(|shaft| {
-                let now = BUS.lock(|bus| bus.clock.now());
-                shaft.half.measure(now, &world.measurement, &mut ());
-                shaft.publish();
+                if let Some(shaft) = shaft {
+                    shaft.measure(&world.measurement);
+                }
             });
+        }
+        self.keep(board);
+    }
+
+    /// In lock-step the next latch.
+    fn step(&mut self, board: &impl Board) {
+        let latches = SHAFT.lock(|shaft| shaft.as_ref().map(|shaft| shaft.latches));
+        if let (true, Some(latches)) = (self.lock_step, latches) {
+            if latches != 0 {
+                VIRTUAL.store(VIRTUAL.load(Ordering::Relaxed).wrapping_add(VIRTUAL_LATCH), Ordering::Relaxed);
+            }
+            board.latch();
         }
     }
 
     /// Time and memory.
+    #[inline(never)]
     fn keep(&mut self, board: &impl Board) {
-        if !self.powered {
-            return;
-        }
-        BUS.lock(|bus| bus.poll(board.line()));
-        let (now, address, changed) =
-            BUS.lock(|bus| (bus.clock.now(), bus.half.stored_address(), bus.half.take_address_change()));
-        let write = SHAFT.lock(|shaft| {
-            if shaft.half.poll(now, &mut ()) {
-                shaft.publish();
-            }
-            shaft.half.take_nonvolatile(now, address, changed)
-        });
+        let (address, changed) = BUS.lock(|bus| (bus.half.stored_address(), bus.half.take_address_change()));
+        let write = SHAFT.lock(|shaft| shaft.as_mut().and_then(|shaft| shaft.take(address, changed)));
         if let Some(write) = write {
-            let slot = world::slot_number(write.slot);
-            LINK.lock(|link| link.slots[usize::from(slot)] = write.octets);
-            let mut payload = [slot; SLOT_OCTETS + 1];
-            payload[1..].copy_from_slice(&write.octets);
-            world::frame(b'N', &payload, |octet| board.wire().send(octet));
-            SHAFT.lock(|shaft| shaft.half.confirm_nonvolatile());
+            self.write(board, &write);
+        }
+        if let Some(writing) = &mut self.writing {
+            let taken = writing.piece().map(|piece| board.write(piece.address, piece.octets));
+            match taken {
+                Some(Taken::Busy) if self.tries < PATIENCE => self.tries = self.tries.wrapping_add(1),
+                Some(Taken::Yes) => {
+                    self.tries = 0;
+                    writing.taken();
+                }
+                Some(Taken::Busy | Taken::No) => self.finish(false),
+                None => self.finish(true),
+            }
         }
     }
+
+    fn write(&mut self, board: &impl Board, write: &NonvolatileWrite) {
+        if !ON_BENCH.load(Ordering::Relaxed) {
+            self.writing = Some(Writing::new(write.slot, write.octets));
+            return;
+        }
+        LINK.lock(|link| *link.slot(write.slot) = write.octets);
+        let mut payload = [world::slot_number(write.slot); 1 + SLOT_OCTETS];
+        let [_, octets @ ..] = &mut payload;
+        *octets = write.octets;
+        tell(board, b'N', &payload);
+        self.finish(true);
+    }
+
+    fn finish(&mut self, written: bool) {
+        (self.writing, self.tries) = (None, 0);
+        SHAFT.lock(|shaft| {
+            if let Some(shaft) = shaft {
+                shaft.written(written);
+            }
+        });
+    }
+}
+
+/// Power has come, with a shaft of its own.
+#[inline(never)]
+fn power_up(board: &impl Board) {
+    let (a, b) = (load(board, Slot::A), load(board, Slot::B));
+    let voltage = turns::battery(board.readings().battery_mv());
+    let (stored, battery) = turns::start(choose(a, b), turns::kept(board.kept()), voltage);
+    let Ok(variant) = Variant::new(as5047p::BITS, 15) else { return };
+    let baud = BaudSetting::Search(Baudrate::B1500000);
+    let switches = analog::switches(board.switches());
+    let (counter, scale) = board.counter();
+    // SAFETY: the counter is a register.
+    let clock = unsafe { Clock::new(counter, scale) };
+    begin(board, clock, true, power_on(baud, switches, variant, stored, battery));
+    board.run_latches(true);
+}
+
+/// Both halves begin.
+#[inline(never)]
+fn begin(board: &impl Board, clock: Clock, paced: bool, power_on: PowerOn) {
+    let timing = clock.timing();
+    let shaft = BUS.lock(|bus| bus.restart(clock, paced, power_on, board.line()));
+    SHAFT.lock(|place| *place = Some(Shaft::new(shaft, Instant::ZERO, timing)));
+}
+
+/// What a slot of the memory holds.
+#[inline(never)]
+fn load(board: &impl Board, slot: Slot) -> SlotContent {
+    Record::decode(&board.read(logic::memory::address(slot)))
+}
+
+#[inline(never)]
+fn tell(board: &impl Board, kind: u8, payload: &[u8]) {
+    world::frame(kind, payload, |octet| board.wire().send(octet));
 }

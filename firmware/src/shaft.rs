@@ -1,13 +1,15 @@
 //! The shaft: latches and what the bus demands, at one priority.
 
+use logic::turns;
 use profibus_dp::time::Instant;
+use sch108bex::device::NonvolatileWrite;
 use sch108bex::halves::ShaftHalf;
+use sch108bex::health::Measurement;
 use sch108bex::sensor::ShaftReading;
 use sch108bex::specification::LATCH_PERIOD;
 
 use crate::bus::{BUS, Line};
 use crate::cell::Latched;
-use crate::clock::Clock;
 
 /// All that belongs to the latch.
 #[derive(Debug)]
@@ -27,12 +29,11 @@ pub struct Shaft {
 }
 
 /// The one shaft.
-pub static SHAFT: Latched<Shaft> = Latched::new();
+pub static SHAFT: Latched<Option<Shaft>> = Latched::new();
 
 impl Shaft {
-    /// At power-on, with the first latch then.
-    pub fn new(half: ShaftHalf, power_on: Instant, clock: &Clock) -> Self {
-        let (ticks, period) = (clock.ticks(), clock.latch_ticks());
+    /// At power-on, with the first latch then; `timing` is the counter now and from latch to latch.
+    pub fn new(half: ShaftHalf, power_on: Instant, (ticks, period): (u32, u32)) -> Self {
         Self { half, latches: 0, reading: ShaftReading::Full(0), next: power_on, ticks, period }
     }
 
@@ -78,6 +79,42 @@ impl Shaft {
         BUS.lock(|bus| bus.half.publish(health));
     }
 
+    /// Takes what was measured.
+    pub fn measure(&mut self, measurement: &Measurement) {
+        let now = BUS.lock(|bus| bus.clock.now());
+        self.half.measure(now, measurement, &mut ());
+        self.publish();
+    }
+
+    /// What is to be written now; nothing before the first latch.
+    pub fn take(&mut self, address: Option<u8>, changed: bool) -> Option<NonvolatileWrite> {
+        if self.latches == 0 {
+            return None;
+        }
+        let now = BUS.lock(|bus| bus.clock.now());
+        if self.half.poll(now, &mut ()) {
+            self.publish();
+        }
+        self.half.take_nonvolatile(now, address, changed)
+    }
+
+    /// The record taken is written, or could not be.
+    pub fn written(&mut self, written: bool) {
+        if written {
+            self.half.confirm_nonvolatile();
+        } else {
+            let now = BUS.lock(|bus| bus.clock.now());
+            self.half.nonvolatile_failed(now);
+        }
+    }
+
+    /// The position that the battery is to keep.
+    pub fn kept(&self) -> [u32; turns::WORDS] {
+        let variant = self.half.sensor().variant();
+        let [low, ..] = split(self.half.sensor().physical_position());
+        turns::keep(low & variant.total().wrapping_sub(1))
+    }
+
     /// Does what the bus demands.
     pub fn obey(&mut self) {
         // A handful at most: each telegram makes one.
@@ -90,4 +127,10 @@ impl Shaft {
         BUS.lock(|bus| bus.half.show(&image));
         self.publish();
     }
+}
+
+/// The lower and the upper half.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "halves")]
+const fn split(number: i64) -> [u32; 2] {
+    [number as u32, (number >> 32) as u32]
 }

@@ -69,21 +69,40 @@ impl Identifiers {
     }
 }
 
+/// A configuration of the table above: worked out when this is compiled.
+const fn listed(functionality: Functionality, number: usize) -> Option<(Functionality, Identifiers)> {
+    let octets = match (number, functionality.configurations()) {
+        (0, [octets, ..]) | (1, [_, octets, ..]) => *octets,
+        _ => return None,
+    };
+    let (length, octets) = match *octets {
+        [a] => (1, [a, 0, 0, 0, 0, 0, 0, 0]),
+        [a, b] => (2, [a, b, 0, 0, 0, 0, 0, 0]),
+        [a, b, c] => (3, [a, b, c, 0, 0, 0, 0, 0]),
+        _ => return None,
+    };
+    Some((functionality, Identifiers { length, octets }))
+}
+
 impl Default for Configurations {
-    /// Reading: those of the table above.
     fn default() -> Self {
-        let mut configurations = Self { offered: [None; MOST] };
-        for functionality in Functionality::ALL {
-            for octets in functionality.configurations() {
-                // Known to fit: a test looks.
-                let _ = configurations.offer(functionality, octets);
-            }
-        }
-        configurations
+        Self::DELIVERED
     }
 }
 
 impl Configurations {
+    /// Reading: those of the table above.
+    pub(crate) const DELIVERED: Self = Self {
+        offered: [
+            listed(Functionality::Class1, 0),
+            listed(Functionality::Class2, 0),
+            listed(Functionality::Scancon2, 0),
+            listed(Functionality::Scancon2, 1),
+            None,
+            None,
+        ],
+    };
+
     /// Offers these octets, and none of those before, for a functionality. Further ones for the
     /// same are [`offer`](Self::offer)ed.
     ///
@@ -166,6 +185,17 @@ impl core::error::Error for OfferError {}
 mod tests {
     use super::*;
     use std::string::ToString;
+
+    #[test]
+    fn all_of_the_table_are_offered_and_nothing_else() {
+        let mut offered = Configurations { offered: [None; MOST] };
+        for functionality in Functionality::ALL {
+            for octets in functionality.configurations() {
+                offered.offer(functionality, octets).expect("it fits");
+            }
+        }
+        assert_eq!(Configurations::default(), offered);
+    }
 
     #[test]
     fn the_four_of_the_table_are_offered() {

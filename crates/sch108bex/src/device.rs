@@ -1,6 +1,6 @@
 //! The whole device: bus half, sensor half and non-volatile memory, from power-on to power-off.
 
-use profibus_dp::dp::{Configuration, DpSlave, Slave};
+use profibus_dp::dp::{DpSlave, Slave};
 use profibus_dp::fdl::{BaudSetting, ReceiverMode, Station, Window};
 use profibus_dp::time::{Baudrate, Instant};
 use profibus_dp::wire::Telegram;
@@ -15,7 +15,7 @@ use crate::health::{Battery, Measurement};
 use crate::nonvolatile::{Choice, Record, SLOT_OCTETS, Slot, SlotFault};
 use crate::sensor::ShaftReading;
 use crate::sensor_half::SensorHalf;
-use crate::specification::{SUPPLY_MIN_MV, SUPPLY_OFF_BELOW_MV};
+use crate::specification::{SUPPLY_MIN_MV, SUPPLY_OFF_BELOW_MV, Variant};
 use crate::write_policy::WritePolicy;
 
 /// The most input and output octets of any functionality (manual 4.3).
@@ -83,26 +83,10 @@ pub(crate) struct Memory {
 
 impl<O: Observer> Device<O> {
     /// Switches the device on.
-    pub fn new(now: Instant, power_on: PowerOn, mut observer: O) -> Self {
-        let PowerOn { identity, stored, battery, baud, receiver } = power_on;
-        let fresh = never_confirmed(&stored);
-        let (record, sequence, slot) = match stored {
-            _ if fresh => (Record::as_delivered(identity.variant), 0, Slot::B),
-            Choice::Use { record, sequence, slot, .. } => (record, sequence, slot),
-            _ => (Record::after_damage(identity.variant), 0, Slot::B),
-        };
-        let sensor = SensorHalf::new(now, identity.variant, &record, battery, &mut observer);
-        let stored_address = record.stored_address;
-        let encoder = Encoder::new(identity, stored_address, sensor.health(), observer);
-        let configuration = Configuration {
-            address: effective_address(identity.switches, stored_address).octet(),
-            baud,
-            receiver,
-        };
-        let memory = Memory { policy: WritePolicy::new(now), supply_mv: 0, sequence, slot, fresh };
-        let mut device = Self { bus: DpSlave::new(now, configuration, encoder), sensor, memory };
-        device.memory.note_change(&mut device.sensor);
-        device
+    pub fn new(now: Instant, power_on: PowerOn, observer: O) -> Self {
+        let mut bus = BusHalf::blank(observer);
+        let ShaftHalf { sensor, memory } = bus.switch_on(now, power_on);
+        Self { bus: bus.bus, sensor, memory }
     }
 
     /// The two halves by themselves, for firmware that drives them at different priorities.
@@ -238,16 +222,6 @@ impl<O: Observer> Device<O> {
     }
 }
 
-/// Reading: the very first record goes to both slots. So a slot that holds no record beside one that
-/// is blank is a first write that was cut, not a loss: the device is as delivered.
-fn never_confirmed(stored: &Choice) -> bool {
-    match stored {
-        Choice::AsDelivered => true,
-        Choice::Lost { a, b } => *a == SlotFault::Absent || *b == SlotFault::Absent,
-        Choice::Use { .. } => false,
-    }
-}
-
 /// Lets the sensor half do what the bus asked for.
 #[cold]
 #[inline(never)]
@@ -281,7 +255,28 @@ fn publish_health<O: Observer>(slave: &mut BusSlave<O>, sensor: &mut SensorHalf,
     memory.note_change(sensor);
 }
 
+/// Reading: the very first record goes to both slots. So a slot that holds no record beside one that
+/// is blank is a first write that was cut, not a loss: the device is as delivered.
+fn never_confirmed(stored: &Choice) -> bool {
+    match stored {
+        Choice::AsDelivered => true,
+        Choice::Lost { a, b } => *a == SlotFault::Absent || *b == SlotFault::Absent,
+        Choice::Use { .. } => false,
+    }
+}
+
 impl Memory {
+    /// At power-on, and the record that the device goes on with.
+    pub(crate) fn new(now: Instant, variant: Variant, stored: Choice) -> (Self, Record) {
+        let fresh = never_confirmed(&stored);
+        let (record, sequence, slot) = match stored {
+            _ if fresh => (Record::as_delivered(variant), 0, Slot::B),
+            Choice::Use { record, sequence, slot, .. } => (record, sequence, slot),
+            _ => (Record::after_damage(variant), 0, Slot::B),
+        };
+        (Self { policy: WritePolicy::new(now), supply_mv: 0, sequence, slot, fresh }, record)
+    }
+
     /// Something that must be kept may have changed.
     pub(crate) fn note_change(&mut self, sensor: &mut SensorHalf) {
         if sensor.take_record_change() {

@@ -11,11 +11,11 @@ use profibus_dp::wire::SetPrm;
 use profibus_dp::wire::chk_cfg::Lengths;
 
 use crate::configuration::{Configurations, Identifiers};
-use crate::diagnostics::{self, Diagnostics};
+use crate::diagnostics::{self, Alarms, Diagnostics, Warnings};
 use crate::end_cap::RotarySwitches;
 use crate::event::{Event, Observer};
 use crate::functionality::Functionality;
-use crate::health::Health;
+use crate::health::{Health, OperatingTime};
 use crate::parameterization::{ParameterLength, Parameters};
 use crate::refusal::{AddressRefusal, CfgRefusal, PrmRefusal};
 use crate::scaling::Scaling;
@@ -69,25 +69,46 @@ pub struct Encoder<O> {
 }
 
 impl<O: Observer> Encoder<O> {
-    /// At power-on.
-    pub(crate) fn new(identity: Identity, stored_address: Option<u8>, health: Health, observer: O) -> Self {
+    /// Without power.
+    pub(crate) const fn blank(observer: O) -> Self {
         Self {
-            image: InputImage::default(),
+            image: InputImage { octets: [0; 12], sum_4: 0, sum_12: 0 },
             outputs: [0; 4],
             preset_bit: false,
             first_outputs: false,
             demanding: false,
             session_demand: None,
             preset_demand: None,
-            health,
+            health: Health {
+                alarms: Alarms::empty(),
+                warnings: Warnings::empty(),
+                operating_time: OperatingTime(0),
+                offset: 0,
+            },
             observer,
-            identity,
-            configurations: Configurations::default(),
+            identity: Identity {
+                variant: Variant::FULL,
+                ident_number: 0,
+                serial_number: SerialNumber::DEFAULT,
+                switches: RotarySwitches(0),
+            },
+            configurations: Configurations::DELIVERED,
             parameters: None,
             agreed: None,
-            stored_address,
+            stored_address: None,
             address_changed: false,
         }
+    }
+
+    /// At power-on.
+    pub(crate) fn restart(&mut self, identity: Identity, stored_address: Option<u8>, health: Health) {
+        (self.image, self.outputs) = (InputImage::default(), [0; 4]);
+        (self.preset_bit, self.first_outputs, self.demanding) = (false, false, false);
+        (self.session_demand, self.preset_demand) = (None, None);
+        (self.identity, self.health) = (identity, health);
+        self.configurations = Configurations::DELIVERED;
+        (self.parameters, self.agreed) = (None, None);
+        (self.stored_address, self.address_changed) = (stored_address, false);
     }
 
     /// Who the device is.

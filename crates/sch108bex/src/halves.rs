@@ -14,13 +14,14 @@
 // What stands in an interrupt has to lie there.
 #![allow(clippy::inline_always)]
 
-use profibus_dp::dp::DpSlave;
-use profibus_dp::fdl::{Gathered, Station, Window};
+use profibus_dp::dp::{Configuration, DpSlave};
+use profibus_dp::fdl::{BaudSetting, Gathered, ReceiverMode, Station, Window};
 use profibus_dp::time::{Duration, Instant};
 
-use crate::device::{INPUTS, Memory, NonvolatileWrite, OUTPUTS};
+use crate::device::{INPUTS, Memory, NonvolatileWrite, OUTPUTS, PowerOn};
 use crate::diagnostics::Alarms;
 use crate::encoder::Encoder;
+use crate::end_cap::effective_address;
 use crate::event::{Observer, PositionErrorCause};
 use crate::health::{Health, Measurement};
 use crate::sensor::ShaftReading;
@@ -40,6 +41,32 @@ pub struct ShaftHalf {
 }
 
 impl<O: Observer> BusHalf<O> {
+    /// Without power: off the bus until [`switch_on`](Self::switch_on). For a static, where the
+    /// half lies from the beginning and is never moved.
+    pub const fn blank(observer: O) -> Self {
+        Self { bus: DpSlave::blank(Encoder::blank(observer)) }
+    }
+
+    /// Switches the device on, whatever it was before; the other half begins.
+    pub fn switch_on(&mut self, now: Instant, power_on: PowerOn) -> ShaftHalf {
+        let PowerOn { identity, stored, battery, baud, receiver } = power_on;
+        let (memory, record) = Memory::new(now, identity.variant, stored);
+        let encoder = self.bus.application_mut();
+        let sensor = SensorHalf::new(now, identity.variant, &record, battery, &mut encoder.observer);
+        encoder.restart(identity, record.stored_address, sensor.health());
+        let address = effective_address(identity.switches, record.stored_address).octet();
+        self.bus.restart(now, Configuration { address, baud, receiver });
+        let mut shaft = ShaftHalf { sensor, memory };
+        shaft.memory.note_change(&mut shaft.sensor);
+        shaft
+    }
+
+    /// The power is gone: off the bus until [`switch_on`](Self::switch_on).
+    pub fn switch_off(&mut self) {
+        let baud = BaudSetting::Fixed(self.bus.slave().baudrate());
+        self.bus.restart(Instant::ZERO, Configuration { address: None, baud, receiver: ReceiverMode::Idle });
+    }
+
     /// States, rate, address.
     pub const fn bus(&self) -> &DpSlave<Encoder<O>, INPUTS, OUTPUTS> {
         &self.bus

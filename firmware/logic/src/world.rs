@@ -9,6 +9,7 @@
 //! | `M` | to the device | slot (0, 1), 40 octets | what a slot of the non-volatile memory holds |
 //! | `P` | to the device | see [`PowerOn`], 6 octets | power comes; latch 0 is the next `L` |
 //! | `L` | to the device | see [`World`], 15 octets | the world at the next latch |
+//! | `T` | to the device | a number, 1 octet | so many further latches (0 is none) with the world as it was |
 //! | `C` | to the device | none | the power is cut |
 //! | `H` | both ways | a number, 1 octet | is anybody there? The answer has the same number |
 //! | `N` | from the device | slot, 40 octets | a record was written |
@@ -35,6 +36,8 @@ pub enum Message {
     PowerOn(PowerOn),
     /// `L`: the world, at the next latch in lock-step, else as of now.
     Latch(World),
+    /// `T`: so many latches more with the world as it was.
+    More(u8),
     /// `C`: the power is cut.
     Cut,
     /// `H`: is anybody there?
@@ -127,7 +130,7 @@ impl Reader {
                     b'P' => Place::Payload { got: 0, due: 6 },
                     b'L' => Place::Payload { got: 0, due: 15 },
                     b'C' => Place::Check,
-                    b'H' => Place::Payload { got: 0, due: 1 },
+                    b'H' | b'T' => Place::Payload { got: 0, due: 1 },
                     BEGIN => Place::Kind,
                     _ => Place::Begin,
                 }
@@ -157,6 +160,7 @@ impl Reader {
             b'P' => Message::PowerOn(PowerOn::parse(*payload.first_chunk()?)?),
             b'L' => Message::Latch(World::parse(payload.first_chunk()?)?),
             b'H' => Message::Hello(*payload.first()?),
+            b'T' => Message::More(*payload.first()?),
             _ => Message::Cut,
         })
     }
@@ -200,10 +204,11 @@ impl World {
 }
 
 /// The octets of a frame to the host, to be sent one after the other.
-pub fn frame(kind: u8, payload: &[u8], mut send: impl FnMut(u8)) {
+pub fn frame<'a>(kind: u8, payload: impl IntoIterator<Item = &'a u8>, mut send: impl FnMut(u8)) {
     send(BEGIN);
-    let mut sum = 0_u8;
-    for &octet in core::iter::once(&kind).chain(payload) {
+    send(kind);
+    let mut sum = kind;
+    for &octet in payload {
         sum = sum.wrapping_add(octet);
         send(octet);
     }
@@ -232,5 +237,89 @@ const fn battery_of(number: u8) -> Option<Battery> {
         1 => Some(Battery::Low),
         2 => Some(Battery::Empty),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::vec::Vec;
+
+    fn heard(octets: &[u8]) -> Vec<Message> {
+        let mut reader = Reader::new();
+        octets.iter().filter_map(|octet| reader.take(*octet)).collect()
+    }
+
+    fn framed(kind: u8, payload: &[u8]) -> Vec<u8> {
+        let mut octets = Vec::new();
+        frame(kind, payload, |octet| octets.push(octet));
+        octets
+    }
+
+    // By hand: 43h and BDh are 100h.
+    #[test]
+    fn a_frame_adds_up_to_nothing() {
+        assert_eq!(framed(b'C', &[]), [0xA5, 0x43, 0xBD]);
+        assert_eq!(framed(b'A', &[0x50, 0, 1, 2, 0, 0]), [0xA5, 0x41, 0x50, 0, 1, 2, 0, 0, 0x6C]);
+    }
+
+    #[test]
+    fn each_kind_is_read() {
+        assert_eq!(heard(&framed(b'C', &[])), [Message::Cut]);
+        assert_eq!(heard(&framed(b'H', &[7])), [Message::Hello(7)]);
+        assert_eq!(heard(&framed(b'T', &[200])), [Message::More(200)]);
+        let mut memory = [9; 41];
+        memory[0] = 1;
+        assert_eq!(heard(&framed(b'M', &memory)), [Message::Memory(Slot::B, [9; 40])]);
+        let on = PowerOn {
+            lock_step: true,
+            as_delivered: false,
+            paced: true,
+            switches: 0x2A,
+            rate: 9,
+            search: true,
+            battery: Battery::Empty,
+            variant: Variant::new(14, 12).expect("there is one"),
+        };
+        assert_eq!(heard(&framed(b'P', &[0b101, 0x2A, 0x89, 2, 14, 12])), [Message::PowerOn(on)]);
+        // -2 counts, 8000 mV, -10.0 degrees; light low, one switch on, battery low.
+        let latch = [0xFE, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x40, 0x1F, 0, 0, 0x9C, 0xFF, 0b1_0101];
+        let world = World {
+            shaft: ShaftReading::Full(-2),
+            measurement: Measurement {
+                supply_mv: 8_000,
+                temperature_tenths: -100,
+                light_ok: false,
+                battery: Battery::Low,
+            },
+            termination: TerminationSwitches { first: true, second: false },
+        };
+        assert_eq!(heard(&framed(b'L', &latch)), [Message::Latch(world)]);
+        let mut fault = latch;
+        fault[14] |= 2;
+        assert_eq!(
+            heard(&framed(b'L', &fault)),
+            [Message::Latch(World { shaft: ShaftReading::Fault, ..world })]
+        );
+    }
+
+    #[test]
+    fn what_is_wrong_does_not_exist_and_what_follows_is_heard() {
+        let good = framed(b'H', &[7]);
+        for place in 1..good.len() {
+            for bit in 0..8 {
+                let mut wrong = good.clone();
+                wrong[place] ^= 1 << bit;
+                assert!(!heard(&wrong).contains(&Message::Hello(7)), "{wrong:02X?}");
+            }
+        }
+        let mut octets = std::vec![0x00, 0xA5, 0xA5, b'Q'];
+        octets.extend(&good);
+        assert_eq!(heard(&octets), [Message::Hello(7)]);
+        for payload in [[0, 1, 10, 0, 16, 15], [0, 1, 5, 3, 16, 15], [0, 1, 5, 0, 17, 15], [0, 1, 5, 0, 1, 0]]
+        {
+            assert_eq!(heard(&framed(b'P', &payload)), [], "{payload:?}");
+        }
+        assert_eq!(heard(&framed(b'M', &[2; 41])), [], "no such slot");
     }
 }

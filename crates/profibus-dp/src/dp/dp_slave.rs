@@ -33,9 +33,22 @@ pub struct DpSlave<A, const IN: usize, const OUT: usize> {
 impl<A: Application, const IN: usize, const OUT: usize> DpSlave<A, IN, OUT> {
     /// A slave at power-on.
     pub fn new(now: Instant, configuration: Configuration, application: A) -> Self {
+        let mut slave = Self::blank(application);
+        slave.restart(now, configuration);
+        slave
+    }
+
+    /// A slave without power: off the bus until [`restart`](Self::restart). For places where a
+    /// slave is to lie from the beginning, such as a static.
+    pub const fn blank(application: A) -> Self {
+        Self { receiver: Receiver::blank(), slave: Slave::blank(application) }
+    }
+
+    /// As at power-on, but for the application, which has to be made new by itself.
+    pub fn restart(&mut self, now: Instant, configuration: Configuration) {
         let Configuration { address, baud, receiver } = configuration;
-        let slave = Slave::new(now, address, baud, application);
-        Self { receiver: Receiver::new(receiver, slave.baudrate()), slave }
+        self.slave.restart(now, address, baud);
+        self.receiver.restart(receiver, self.slave.baudrate());
     }
 
     /// States, times and application.
@@ -166,7 +179,7 @@ impl<A: Application, const IN: usize, const OUT: usize> DpSlave<A, IN, OUT> {
             self.retune();
             return None;
         }
-        self.slave.frame(now, frame)
+        self.slave.rarer_frame(now, frame)
     }
 
     /// [`Station::receive`], and `then` after each telegram that the slave has

@@ -22,11 +22,16 @@ enum Sync {
 
 impl<const IN: usize, const OUT: usize> Default for FreezeSync<IN, OUT> {
     fn default() -> Self {
-        Self { frozen: None, sync: Sync::Off, inputs: [0; IN], outputs: [0; OUT] }
+        Self::new()
     }
 }
 
 impl<const IN: usize, const OUT: usize> FreezeSync<IN, OUT> {
+    /// Both modes off, nothing held.
+    pub const fn new() -> Self {
+        Self { frozen: None, sync: Sync::Off, inputs: [0; IN], outputs: [0; OUT] }
+    }
+
     /// Both modes off.
     pub fn leave(&mut self) {
         (self.frozen, self.sync) = (None, Sync::Off);

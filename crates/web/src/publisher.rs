@@ -19,6 +19,8 @@ const PERIOD: Duration = Duration::from_millis(50);
 const QUIET: Duration = Duration::from_millis(900);
 /// Reports of a telegram come this much later than the telegram.
 const REPORTS_FOLLOW: Duration = Duration::from_millis(2);
+/// Recordings are looked at so often.
+const LOOK: Duration = Duration::from_millis(500);
 /// So many batches wait for a stream; older ones are lost to it.
 const MOST_WAITING: usize = 32;
 
@@ -97,7 +99,7 @@ impl Watched {
 fn run(stage: &Stage, batches: &broadcast::Sender<Arc<Batch>>, ended: &AtomicBool) {
     let mut watched = Watched::of(stage);
     let (mut seen, mut told) = (0, 0);
-    let mut due = Instant::now();
+    let (mut due, mut looked) = (Instant::now(), Instant::now());
     while !ended.load(Ordering::Relaxed) {
         due = (due + PERIOD).max(Instant::now());
         if watched.change != stage.changes.load(Ordering::Acquire) {
@@ -114,6 +116,10 @@ fn run(stage: &Stage, batches: &broadcast::Sender<Arc<Batch>>, ended: &AtomicBoo
         } else {
             watched.last = None;
             watched.reports.take_waiting();
+        }
+        if looked.elapsed() > LOOK {
+            stage.recordings.bound();
+            looked = Instant::now();
         }
         std::thread::park_timeout(due.saturating_duration_since(Instant::now()));
     }

@@ -9,6 +9,7 @@ use plant::scenario::RunError;
 use serde::Serialize;
 
 use crate::live::Live;
+use crate::recordings::Recordings;
 use crate::scenarios::{self, Loaded};
 use crate::wire::Wires;
 
@@ -73,6 +74,7 @@ pub(crate) struct Stage {
     /// The one of the program.
     own: Arc<Scene>,
     shown: Mutex<Arc<Scene>>,
+    pub(crate) recordings: Recordings,
     pub(crate) on_shutdown: Box<dyn Fn() + Send + Sync>,
     /// Streams that want telegrams.
     pub(crate) telegram_readers: AtomicUsize,
@@ -112,6 +114,7 @@ impl Stage {
         Ok(Self {
             shown: Mutex::new(Arc::clone(&own)),
             own,
+            recordings: Recordings::default(),
             on_shutdown,
             telegram_readers: AtomicUsize::new(0),
             changes: AtomicU64::new(0),

@@ -60,19 +60,52 @@ struct Wire {
     segment: Arc<str>,
     listener: Listener,
     conversation: Conversation,
+    ear: Ear,
+}
+
+/// Where recordings listen to a segment. Clones are the same.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Ear(Arc<Mutex<Vec<Other>>>);
+
+struct Other {
+    /// Who it is, to be found again.
+    number: u64,
+    tap: Box<dyn WireTap>,
+}
+
+impl std::fmt::Debug for Other {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        self.tap.fmt(f)
+    }
+}
+
+impl Ear {
+    /// Somebody listens from now on.
+    pub(crate) fn listen_too(&self, number: u64, tap: Box<dyn WireTap>) {
+        lock(&self.0).push(Other { number, tap });
+    }
+
+    /// He does not any more.
+    pub(crate) fn forget(&self, number: u64) {
+        lock(&self.0).retain(|other| other.number != number);
+    }
 }
 
 /// What listens on the segment's thread.
 #[derive(Debug)]
-struct Ear {
+struct Head {
     on: Arc<AtomicBool>,
     tap: capture::Tap,
+    ear: Ear,
 }
 
-impl WireTap for Ear {
+impl WireTap for Head {
     fn saw(&mut self, at: Instant, sight: Sight<'_>) {
         if self.on.load(Ordering::Relaxed) {
             self.tap.saw(at, sight);
+        }
+        for other in lock(&self.ear.0).iter_mut() {
+            other.tap.saw(at, sight);
         }
     }
 }
@@ -98,13 +131,19 @@ impl Wires {
         let names: Vec<String> = handle.segments().map(|(name, _)| name.to_owned()).collect();
         let wires = names.into_iter().map(|segment| {
             let listener = Listener::new();
-            let ear = Ear { on: Arc::clone(&on), tap: listener.tap() };
+            let ear = Ear::default();
+            let head = Head { on: Arc::clone(&on), tap: listener.tap(), ear: ear.clone() };
             // A segment that has ended has nothing to tell.
-            let _ = handle.add_tap(&segment, Box::new(ear));
-            Wire { segment: segment.into(), listener, conversation: fresh() }
+            let _ = handle.add_tap(&segment, Box::new(head));
+            Wire { segment: segment.into(), listener, conversation: fresh(), ear }
         });
         let wires = wires.collect();
         Self { wires: Mutex::new(wires), on }
+    }
+
+    /// Where recordings listen to this segment.
+    pub(crate) fn ear(&self, segment: &str) -> Option<Ear> {
+        lock(&self.wires).iter().find(|wire| &*wire.segment == segment).map(|wire| wire.ear.clone())
     }
 
     /// Whether telegrams are wanted from now on.

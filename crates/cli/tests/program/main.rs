@@ -14,6 +14,7 @@ mod damaged_state;
 mod demo;
 mod driver;
 mod forgetful;
+mod http;
 mod kill;
 mod master;
 mod outputs;

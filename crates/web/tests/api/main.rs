@@ -4,7 +4,9 @@
 
 mod bench;
 mod client;
+mod described;
 mod guard;
 mod limits;
 mod plain;
+mod recordings;
 mod slow;

@@ -51,7 +51,7 @@ function showState(on, state, facts) {
 }
 
 function sentences(list, on, octets) {
-  if (!list) return [h("li", { class: "fine" }, h("p", { class: "what" }, on.device ? "No diagnosis yet." : "The encoder is off: there is no diagnosis."))];
+  if (!list) return [h("li", { class: "none" }, on.device ? "No diagnosis yet." : "The encoder is off: there is no diagnosis.")];
   const sorted = [...list].sort((a, b) => ORDER[a.level] - ORDER[b.level]);
   return sorted.map(({ octets: range, level, text, advice }) => {
     const item = h("li", { class: level, tabindex: 0 },

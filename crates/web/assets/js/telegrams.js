@@ -52,7 +52,7 @@ function makeLog() {
     log.dropped += dropped;
     log.seen += telegrams.length;
     for (const telegram of telegrams) {
-      telegram.cyclic = /^Data_Exchange/.test(telegram.what);
+      telegram.cyclic = telegram.service ? telegram.service === "Data_Exchange" : /^Data_Exchange/.test(telegram.what);
       (log.paused ? log.waiting : log.all).push(telegram);
       if (!log.paused && wanted(telegram)) log.shown.push(telegram);
     }
@@ -172,12 +172,14 @@ function fill(row, telegram, top, chosen) {
 const station = (address) => (address === null || address === undefined ? "?" : address === 127 ? "all" : String(address));
 const way = (t) => (t.kind === "damaged" && t.from === null ? "damaged" : `${station(t.from)} \u2192 ${station(t.to)}`);
 
+const HINT = "Choose a telegram: its octets and fields stand here, and point at each other.";
+
 function makeDetail() {
   const title = h("h3", {}, "No telegram chosen");
   const refused = h("p", { class: "refusal" });
   const octets = makeOctets("Octets of the telegram", 12);
   const fields = h("ul", { class: "fields" });
-  const hint = h("p", { class: "subtle" }, "Choose a telegram: its octets and fields stand here, and point at each other.");
+  const hint = h("p", { class: "subtle" }, HINT);
   const element = h("div", { class: "detail", id: "telegram-detail" }, title, refused, octets.element, hint, h("div", { class: "fields-scroll" }, fields));
   return {
     element,
@@ -186,12 +188,13 @@ function makeDetail() {
       octets.show("");
       octets.show(telegram?.octets ?? "");
       setText(title, telegram ? `${whole(telegram.n)} · ${way(telegram)} · ${telegram.what}` : "No telegram chosen");
-      setText(refused, telegram?.refused ?? "");
-      hint.hidden = telegram !== null;
+      setText(refused, telegram?.refused ?? telegram?.notes?.join(" ") ?? "");
+      hint.hidden = telegram !== null && (telegram.fields ?? []).length > 0;
+      setText(hint, telegram ? "What it holds was not taken apart: too many of its kind came at once." : HINT);
       fields.replaceChildren(...(telegram?.fields ?? []).map((field) => {
         const item = h("li", { tabindex: 0, class: "field-row" },
           h("span", { class: "where" }, field.first === field.last ? `${field.first}` : `${field.first}–${field.last}`),
-          h("span", { class: "name" }, field.name), h("span", { class: "value" }, String(field.value ?? "")),
+          h("span", { class: "name" }, field.bits ? `${field.name} (bit${field.bits[0] === field.bits[1] ? ` ${field.bits[0]}` : `s ${field.bits[0]}\u2013${field.bits[1]}`})` : field.name), h("span", { class: "value" }, String(field.value ?? "")),
           h("span", { class: "text" }, field.text ?? ""));
         octets.link(field.first, field.last, item);
         return item;

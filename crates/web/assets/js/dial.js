@@ -52,8 +52,9 @@ export function makeDial() {
     const on = encoder();
     if (!on) return;
     const perTurn = countsPerTurn(on);
-    setAttribute(element, "aria-valuemax", String(countsInAll(on) - 1));
-    setAttribute(element, "aria-valuenow", String(on.shaft_position));
+    const all = countsInAll(on);
+    setAttribute(element, "aria-valuemax", String(all - 1));
+    setAttribute(element, "aria-valuenow", String(((on.shaft_position % all) + all) % all));
     setAttribute(element, "aria-valuetext", `${(on.shaft_position / perTurn).toFixed(2)} turns`);
   };
   return self;

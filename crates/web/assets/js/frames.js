@@ -15,22 +15,16 @@ export function touch() {
   dirty = true;
 }
 
-/** Script time of the last frames in ms, for measurements: `window.bench.frames`. */
-export const spent = [];
-
 /** Starts the loop. `shown` gives the bus time to show. */
 export function start(shown) {
   const loop = (now) => {
     requestAnimationFrame(loop);
-    const begun = performance.now();
     if (dirty) {
       dirty = false;
       for (const update of updates) update();
     }
     const time = shown(now);
     for (const frame of drawings) frame(time, now);
-    spent.push(performance.now() - begun);
-    if (spent.length > 1200) spent.splice(0, 600);
   };
   requestAnimationFrame(loop);
 }

@@ -47,7 +47,8 @@ export function makeScenarios(panel) {
   let shown = null;
   return () => {
     const playing = store.stage?.playing ?? null;
-    stop.disabled = playing?.state !== "playing";
+    stop.disabled = !playing;
+    setText(stop, playing && playing.state !== "playing" ? "Back to the bench" : "Stop");
     verdict.hidden = !playing;
     if (!playing) {
       setText(at, "");

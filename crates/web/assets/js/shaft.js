@@ -47,7 +47,7 @@ function makeReadouts() {
     element: h("dl", { class: "readouts" }, Object.values(rows).flatMap(({ label, value }) => [label, value])),
     update(on) {
       const perTurn = countsPerTurn(on);
-      setText(machine.value, on.machine ? `${fixed(on.machine.position, 3)} ${on.machine.unit}` : "unit not known");
+      setText(machine.value, on.machine ? `${fixed(on.machine.position, 3)} ${on.machine.unit}` : "not told");
       setText(rows.turns.value, fixed(on.shaft_position / perTurn, 3));
       setText(rows.angle.value, `${fixed((((on.shaft_position % perTurn) + perTurn) % perTurn) / perTurn * 360, 2)}°`);
       setText(rows.raw.value, whole(on.shaft_position));

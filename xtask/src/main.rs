@@ -1,7 +1,8 @@
-//! The project's own tasks: `cargo xtask setup | check | test | bench | traceability | recording`.
+//! The project's own tasks: `cargo xtask setup | check | test | bench | traceability | recording | pictures`.
 
 mod bench;
 mod book;
+mod browser;
 mod debian;
 mod firmware;
 mod image;
@@ -38,7 +39,8 @@ Usage: cargo xtask TASK
   book                       docs as a book below target/book, its links looked at
   deb                        a Debian package below target/package
   traceability               every requirement has tests, and they exist
-  recording                  docs/demo.svg anew: the demonstration as a moving picture";
+  recording                  docs/demo.svg anew: the demonstration as a moving picture
+  pictures                   docs/pictures anew: the bench page in a browser";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = env::args().skip(1).collect();
@@ -76,6 +78,7 @@ fn task(words: &[&str]) -> Option<Task> {
             let options: Vec<String> = options.iter().map(ToString::to_string).collect();
             Box::new(move |project| firmware::emulate(project, &options))
         }
+        ["pictures"] => Box::new(browser::pictures),
         ["recording"] => Box::new(recording::record),
         ["book"] => Box::new(|project| {
             let tools = setup::Tools::find(project);

@@ -6,6 +6,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::browser;
 use crate::debian;
 use crate::image::{OBJDUMP, OBJDUMP_PACKAGE};
 use crate::process::{Show, run};
@@ -34,6 +35,8 @@ pub(crate) struct Tools {
     pub(crate) objdump: bool,
     /// Wireshark without its windows, which the tests of our dissector run.
     pub(crate) tshark: bool,
+    /// A browser and what steers it.
+    pub(crate) browser: bool,
 }
 
 impl Tools {
@@ -48,6 +51,7 @@ impl Tools {
             qemu: has_program("qemu-system-arm"),
             objdump: has_program(OBJDUMP),
             tshark: has_program("tshark"),
+            browser: browser::is_there(project),
         }
     }
 
@@ -63,6 +67,7 @@ impl Tools {
             (self.qemu, "qemu-system-arm"),
             (self.objdump, OBJDUMP),
             (self.tshark, "tshark"),
+            (self.browser, "chromium, Node.js and playwright-core"),
         ]
         .into_iter()
         .filter_map(|(there, name)| (!there).then_some(name))
@@ -109,6 +114,9 @@ pub(crate) fn setup(project: &Project, yes: bool) -> Result<Tools, String> {
     }
     if !tools.tshark {
         troubles.extend(debian::install(project, "tshark").err());
+    }
+    if !tools.browser {
+        troubles.extend(browser::install(project).err());
     }
     let _ = fs::remove_dir_all(project.target.join("setup"));
     if !troubles.is_empty() {

@@ -8,7 +8,7 @@ use crate::process::{Show, run};
 use crate::project::{Project, has_program};
 use crate::setup::{self, Tools};
 use crate::tally::Tally;
-use crate::{bench, book, firmware, measure, no_panic, package, traceability};
+use crate::{bench, book, browser, firmware, measure, no_panic, package, traceability};
 
 /// One thing that a run does.
 struct Step {
@@ -32,7 +32,7 @@ const DAILY: [Step; 4] = [
     Step { name: "traceability", work: traced },
 ];
 
-const REST: [Step; 9] = [
+const REST: [Step; 10] = [
     Step { name: "doc", work: doc },
     Step { name: "doc tests", work: doc_tests },
     Step { name: "no-panic", work: no_panic::prove },
@@ -41,6 +41,7 @@ const REST: [Step; 9] = [
     Step { name: "firmware logic", work: firmware::logic_tests },
     Step { name: "book", work: the_book },
     Step { name: "package", work: the_package },
+    Step { name: "browser", work: browser::test },
     Step { name: "figures", work: bench::gate },
 ];
 

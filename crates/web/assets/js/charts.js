@@ -14,6 +14,9 @@ const LINES = [
   { key: "acceleration", label: "Acceleration", unit: accelerationUnit },
 ];
 
+/** Steps of a y axis: all values are whole. */
+const STEPS = Array.from({ length: 11 }, (_, power) => [1, 2, 5].map((digit) => digit * 10 ** power)).flat();
+
 let span = 10;
 
 /** Fills the card. */
@@ -84,7 +87,7 @@ function makeLine({ key, label, unit }, i) {
       scales: { x: { time: false, auto: false }, y: { auto: true, range: (_, low, high) => range(low, high) } },
       axes: [
         { ...axis, size: i === 2 ? 22 : 0, gap: 4, values: (_, splits) => splits.map((at) => (i === 2 && at >= 0 ? clockWord(at) : "")), space: 60 },
-        { ...axis, size: 62, gap: 6, space: 24, values: (_, splits) => splits.map(short) },
+        { ...axis, size: 62, gap: 6, space: 24, incrs: STEPS, values: (_, splits) => splits.map(short) },
       ],
       series: [{}, { stroke: colour(`--line-${key}`), width: 1.75, points: { show: false }, paths: line }],
       hooks: { setCursor: [pointedAt] },
@@ -192,7 +195,8 @@ function makeRange() {
 const overlap = (a, b) => a[0] < b[1] && b[0] < a[1];
 
 function roundOut(low, high) {
-  const size = Math.max(high - low, 4, Math.abs(high) * 1e-6);
+  if (high - low < 4) [low, high] = [low - 2, high + 2];
+  const size = high - low;
   const step = 10 ** Math.floor(Math.log10(size)) / 2;
   const pad = size * 0.06;
   return [Math.floor((low - pad) / step) * step, Math.ceil((high + pad) / step) * step];

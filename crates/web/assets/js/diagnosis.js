@@ -50,13 +50,17 @@ function showState(on, state, facts) {
       : `${device.address === null ? "Off the bus" : `Address ${device.address}`} · no master owns it · offset ${whole(device.offset)}`);
 }
 
+const sentence = (text) => `${text[0].toUpperCase()}${text.slice(1)}.`;
+
 function sentences(list, on, octets) {
   if (!list) return [h("li", { class: "none" }, on.device ? "No diagnosis yet." : "The encoder is off: there is no diagnosis.")];
-  const sorted = [...list].sort((a, b) => ORDER[a.level] - ORDER[b.level]);
+  // What the device reports (octet 7 and up) comes before the bits of the station that go with it.
+  const rank = ({ level, octets: range }) => 2 * ORDER[level] + (range && range[0] < 7 ? 1 : 0);
+  const sorted = [...list].sort((a, b) => rank(a) - rank(b));
   return sorted.map(({ octets: range, level, text, advice }) => {
     const item = h("li", { class: level, tabindex: 0 },
       h("span", { class: "level" }, WORD[level] ?? level),
-      h("div", {}, h("p", { class: "what" }, text), advice ? h("p", { class: "advice" }, advice) : null),
+      h("div", {}, h("p", { class: "what" }, sentence(text)), advice ? h("p", { class: "advice" }, sentence(advice)) : null),
       range ? h("span", { class: "where" }, range[0] === range[1] ? `${range[0]}` : `${range[0]}–${range[1]}`) : null);
     if (range) octets.link(range[0], range[1], item);
     return item;

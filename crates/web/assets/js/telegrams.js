@@ -93,6 +93,7 @@ function makeRows(log) {
   const self = { element: list, onchoose: () => {}, frame, reset };
   let chosen = null;
   let follow = true;
+  let own = null; // where the list was scrolled to from here
   let drawn = "";
 
   function row() {
@@ -118,7 +119,10 @@ function makeRows(log) {
     if (key === drawn) return;
     while (rows.length < needed) rows.push(row());
     space.style.height = `${shown.length * ROW}px`;
-    if (follow) list.scrollTop = shown.length * ROW;
+    if (follow) {
+      list.scrollTop = shown.length * ROW;
+      own = list.scrollTop;
+    }
     const top = Math.max(0, Math.min(Math.floor(list.scrollTop / ROW), shown.length - needed + 1));
     rows.forEach((each, i) => fill(each, shown[top + i], (top + i) * ROW, chosen));
     drawn = `${log.version} ${list.scrollTop} ${height}`;
@@ -131,7 +135,13 @@ function makeRows(log) {
 
   list.addEventListener("wheel", (event) => { if (event.deltaY < 0) follow = false; }, { passive: true });
   list.addEventListener("scroll", () => {
-    follow = list.scrollTop + list.clientHeight >= log.shown.length * ROW - ROW;
+    // Its own scrolling to the end decides nothing: somebody may have chosen a row since.
+    if (list.scrollTop === own) {
+      own = null;
+      return;
+    }
+    // By what is laid out, not by the log: telegrams may have come since the last frame.
+    follow = list.scrollTop + list.clientHeight >= list.scrollHeight - ROW;
   }, { passive: true });
   list.addEventListener("keydown", (event) => {
     const by = { ArrowDown: 1, ArrowUp: -1, PageDown: 10, PageUp: -10 }[event.key];

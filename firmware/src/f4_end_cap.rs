@@ -1,6 +1,6 @@
 //! The STM32F405's part of the end cap: sensor on SPI1, memory on I2C1, voltages, battery's registers.
 
-use logic::analog::Readings;
+use logic::analog::{self, Readings};
 use logic::{as5047p, turns};
 use sch108bex::nonvolatile::SLOT_OCTETS;
 use sch108bex::sensor::ShaftReading;
@@ -88,23 +88,29 @@ pub fn readings() -> Readings {
         let ended = (0..PATIENCE).any(|_| converter.sr().read().eoc().bit_is_set());
         if ended { converter.dr().read().data().bits() } else { 0 }
     };
-    Readings { supply: convert(10, false), temperature: convert(16, false), battery: convert(18, true) }
+    Readings {
+        supply: convert(10, false),
+        temperature: convert(16, false),
+        battery: convert(18, true),
+        part: analog::STM32F405,
+    }
 }
 
 /// What the battery's registers hold.
 pub fn kept() -> [u32; turns::WORDS] {
     // SAFETY: registers that can be read.
     let clock = unsafe { &*pac::RTC::ptr() };
-    [0, 1, 2, 3].map(|number| clock.bkpr(number).read().bits())
+    [clock.bkp0r(), clock.bkp1r(), clock.bkp2r(), clock.bkp3r()].map(|register| register.read().bits())
 }
 
 /// Into the battery's registers, in order.
 pub fn keep(words: [u32; turns::WORDS]) {
     // SAFETY: registers; only interrupts of the latch's priority write them.
     let clock = unsafe { &*pac::RTC::ptr() };
-    for (number, word) in words.into_iter().enumerate() {
+    let registers = [clock.bkp0r(), clock.bkp1r(), clock.bkp2r(), clock.bkp3r()];
+    for (register, word) in registers.into_iter().zip(words) {
         // SAFETY: any value.
-        clock.bkpr(number).write(|w| unsafe { w.bits(word) });
+        register.write(|w| unsafe { w.bits(word) });
     }
 }
 

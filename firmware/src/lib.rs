@@ -23,3 +23,7 @@ pub mod f4;
 pub mod f4_clock;
 #[cfg(feature = "olimex_h405")]
 pub mod f4_end_cap;
+#[cfg(feature = "nucleo_g474re")]
+pub mod g4;
+#[cfg(feature = "nucleo_g474re")]
+pub mod g4_end_cap;

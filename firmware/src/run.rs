@@ -218,15 +218,9 @@ impl Stage {
     #[inline(never)]
     fn power_on(&mut self, board: &impl Board, on: &LinkPowerOn) {
         board.run_latches(false);
-        let (a, b) = LINK.lock(|link| {
-            if on.as_delivered {
-                link.slots = [[0xFF; SLOT_OCTETS]; 2];
-            }
-            (Record::decode(link.slot(Slot::A)), Record::decode(link.slot(Slot::B)))
-        });
         let rate = Baudrate::ALL.get(usize::from(on.rate)).copied().unwrap_or(Baudrate::B500000);
         let baud = if on.search { BaudSetting::Search(rate) } else { BaudSetting::Fixed(rate) };
-        let power_on = power_on(baud, on.switches, on.variant, choose(a, b), on.battery);
+        let power_on = power_on(baud, on.switches, on.variant, played(on.as_delivered), on.battery);
         (self.measured, self.lock_step) = (None, on.lock_step);
         let (counter, scale) =
             if on.lock_step { (VIRTUAL.as_ptr().cast_const(), VIRTUAL_SCALE) } else { board.counter() };
@@ -314,9 +308,7 @@ impl Stage {
 /// Power has come, with a shaft of its own.
 #[inline(never)]
 fn power_up(board: &impl Board) {
-    let (a, b) = (load(board, Slot::A), load(board, Slot::B));
-    let voltage = turns::battery(board.readings().battery_mv());
-    let (stored, battery) = turns::start(choose(a, b), turns::kept(board.kept()), voltage);
+    let (stored, battery) = stored(board);
     let Ok(variant) = Variant::new(as5047p::BITS, 15) else { return };
     let baud = BaudSetting::Search(Baudrate::B1500000);
     let switches = analog::switches(board.switches());
@@ -331,8 +323,33 @@ fn power_up(board: &impl Board) {
 #[inline(never)]
 fn begin(board: &impl Board, clock: Clock, paced: bool, power_on: PowerOn) {
     let timing = clock.timing();
-    let shaft = BUS.lock(|bus| bus.restart(clock, paced, power_on, board.line()));
-    SHAFT.lock(|place| *place = Some(Shaft::new(shaft, Instant::ZERO, timing)));
+    SHAFT.lock(|place| {
+        *place = Some(Shaft::new(
+            BUS.lock(|bus| bus.restart(clock, paced, power_on, board.line())),
+            Instant::ZERO,
+            timing,
+        ));
+    });
+}
+
+/// What the memory, the battery's registers and the battery have kept.
+// By itself: what it needs on the stack is gone when the halves begin.
+#[inline(never)]
+fn stored(board: &impl Board) -> (Choice, Battery) {
+    let (a, b) = (load(board, Slot::A), load(board, Slot::B));
+    let voltage = turns::battery(board.readings().battery_mv());
+    turns::start(choose(a, b), turns::kept(board.kept()), voltage)
+}
+
+/// What the world link's memory holds.
+#[inline(never)]
+fn played(as_delivered: bool) -> Choice {
+    LINK.lock(|link| {
+        if as_delivered {
+            link.slots = [[0xFF; SLOT_OCTETS]; 2];
+        }
+        choose(Record::decode(link.slot(Slot::A)), Record::decode(link.slot(Slot::B)))
+    })
 }
 
 /// What a slot of the memory holds.

@@ -49,6 +49,18 @@ pub const fn divider_of_eight(hertz: u32, rate: u32) -> Option<u32> {
     Some(((eighths & !7) << 1) | (eighths & 7))
 }
 
+/// The divider of the newer kind with eight samples a bit: bits 4 to 15 as they are, and the lower
+/// four halved.
+///
+/// `None` where the rate cannot be had within 0.3 %.
+pub const fn divider_of_newer(hertz: u32, rate: u32) -> Option<u32> {
+    let halves = nearest(hertz.wrapping_mul(2), rate);
+    if halves < 16 || halves > 0xFFFF || !is_close(hertz.wrapping_mul(2), rate, halves) {
+        return None;
+    }
+    Some((halves & !15) | ((halves & 15) >> 1))
+}
+
 const fn nearest(hertz: u32, rate: u32) -> u32 {
     match hertz.wrapping_add(rate / 2).checked_div(rate) {
         Some(count) => count,
@@ -97,5 +109,18 @@ mod tests {
         assert_eq!(divider_of_eight(16_000_000, 500_000), Some(4 << 4));
         assert_eq!(divider_of_eight(16_000_000, 1_500_000), None, "3 % off");
         assert_eq!(divider_of_eight(16_000_000, 0), None);
+    }
+
+    // RM0440: 14 clocks a bit for 12 Mbit/s from 168 MHz, 28 halves.
+    #[test]
+    fn the_newer_kind_reaches_12_mbit() {
+        assert_eq!(divider_of_newer(168_000_000, 12_000_000), Some(0x16));
+        assert_eq!(divider_of_newer(168_000_000, 6_000_000), Some(0x34));
+        assert_eq!(divider_of_newer(168_000_000, 9_600), Some(0x88B4));
+        assert_eq!(divider_of_newer(16_000_000, 12_000_000), None);
+        assert_eq!(divider_of_newer(168_000_000, 0), None);
+        for rate in [19_200, 45_450, 93_750, 187_500, 500_000, 1_500_000, 3_000_000] {
+            assert!(divider_of_newer(168_000_000, rate).is_some(), "{rate}");
+        }
     }
 }

@@ -24,7 +24,7 @@ const fn figure(name: &'static str, unit: &'static str, limit: Limit, source: So
 
 use Limit::{AtLeast, AtMost, Unlimited};
 
-const FIGURES: [Figure; 23] = [
+const FIGURES: [Figure; 27] = [
     figure("data_exchange_4_in_instructions", "instructions", AtMost(320.0), Source::Callgrind("exchange-4")),
     figure(
         "data_exchange_12_in_instructions",
@@ -49,6 +49,10 @@ const FIGURES: [Figure; 23] = [
     figure("demo_cycle_over_profirust", "ratio", AtMost(1.5), Source::Timed("demo-cycle-ratio")),
     figure("start_to_ready_ms", "ms", AtMost(20.0), Source::Program("start")),
     figure("help_ms", "ms", AtMost(10.0), Source::Program("help")),
+    figure("fw_foreign_octet_instructions", "instructions", AtMost(40.0), Source::Firmware),
+    figure("fw_own_octet_instructions", "instructions", AtMost(80.0), Source::Firmware),
+    figure("fw_reply_instructions", "instructions", AtMost(230.0), Source::Firmware),
+    figure("fw_sample_instructions", "instructions", AtMost(500.0), Source::Firmware),
     figure("fw_stack_text_octets", "octets", AtMost(6144.0), Source::Image),
     figure("fw_flash_kib", "KiB", AtMost(24.0), Source::Image),
     figure("fw_static_ram_kib", "KiB", AtMost(4.0), Source::Image),

@@ -161,6 +161,19 @@ pub(crate) fn logic_tests(run: &Run<'_>) -> Result<Tally, String> {
     crate::steps::counted("firmware logic", project, cargo)
 }
 
+/// What the firmware's own counting program says of the shipped image: one `NAME NUMBER` a line.
+pub(crate) fn counted(project: &Project, tools: &Tools) -> Result<String, String> {
+    const COUNTING: Duration = Duration::from_mins(10);
+    if let Some(missing) = tools.lacks_for_firmware().or((!tools.qemu).then_some("qemu-system-arm")) {
+        return Err(format!("{ABSENT}{missing}"));
+    }
+    let image = shipped_image(project, tools)?;
+    let mut cargo = project.cargo(["run", "--quiet", "--release", "--package", "measure"]);
+    cargo.args(["--manifest-path", MANIFEST, "--target-dir"]).arg(project.target.join("firmware-measure"));
+    cargo.arg("--").arg(image);
+    run(&mut cargo, COUNTING, Show::Nothing)?.expect_success("Counting the instructions of the firmware")
+}
+
 /// A figure of the shipped image that stands in the image itself.
 pub(crate) fn figure(project: &Project, tools: &Tools, name: &str) -> Result<f64, String> {
     if let Some(missing) = tools.lacks_for_firmware() {

@@ -7,6 +7,7 @@
 mod calls;
 mod frames;
 mod instruction;
+mod registers;
 mod sources;
 
 use std::collections::BTreeMap;
@@ -18,6 +19,7 @@ use crate::project::Project;
 
 pub(crate) use calls::{Calls, Deepest};
 use instruction::Instruction;
+use registers::Words;
 
 /// The disassembler, and Debian's package that has it.
 pub(crate) const OBJDUMP: &str = "arm-none-eabi-objdump";
@@ -63,6 +65,8 @@ pub(crate) struct Section {
 pub(crate) struct Function {
     pub(crate) name: String,
     code: Vec<Instruction>,
+    /// Constants among it.
+    words: Words,
     end: u32,
 }
 
@@ -225,9 +229,13 @@ fn functions(listing: &str) -> BTreeMap<u32, Function> {
             && let Some(begin) = address(begin)
         {
             functions.extend(open.take());
-            open = Some((begin, Function { name: name.into(), code: Vec::new(), end: begin }));
+            open = Some((
+                begin,
+                Function { name: name.into(), code: Vec::new(), words: Words::new(), end: begin },
+            ));
         } else if let Some((_, function)) = &mut open {
             function.code.extend(Instruction::parse(line));
+            function.words.extend(constant(line));
             if let Some(at) = line.split_once(':').and_then(|(at, _)| address(at.trim_start())) {
                 // The listing has the address of each line but not its length: the next one tells.
                 function.end = function.end.max(at + 2);
@@ -235,6 +243,9 @@ fn functions(listing: &str) -> BTreeMap<u32, Function> {
         }
     }
     functions.extend(open.take());
+    for function in functions.values_mut() {
+        function.code.pop_if(|last| last.is_filler());
+    }
     let begins: Vec<u32> = functions.keys().copied().collect();
     for pair in begins.windows(2) {
         if let Some(function) = functions.get_mut(&pair[0]) {
@@ -242,6 +253,13 @@ fn functions(listing: &str) -> BTreeMap<u32, Function> {
         }
     }
     functions
+}
+
+/// A line of a listing that is a constant: `ADDRESS:`, a tab, `.word`, a tab, `0x...`.
+fn constant(line: &str) -> Option<(u32, u32)> {
+    let (address, rest) = line.split_once(":\t.word\t0x")?;
+    let word = rest.split_whitespace().next()?;
+    Some((u32::from_str_radix(address.trim_start(), 16).ok()?, u32::from_str_radix(word, 16).ok()?))
 }
 
 /// The words of a section as `objdump -s` prints it: address, four groups of hex, the same as text.

@@ -4,6 +4,7 @@ mod bench;
 mod book;
 mod browser;
 mod debian;
+mod drawings;
 mod firmware;
 mod image;
 mod measure;
@@ -39,6 +40,7 @@ Usage: cargo xtask TASK
   book                       docs as a book below target/book, its links looked at
   deb                        a Debian package below target/package
   traceability               every requirement has tests, and they exist
+  drawings                   docs/firmware-wiring.svg anew: how the parts of a board are wired
   recording                  docs/demo.svg anew: the demonstration as a moving picture
   pictures                   docs/pictures anew: the bench page in a browser";
 
@@ -78,6 +80,7 @@ fn task(words: &[&str]) -> Option<Task> {
             let options: Vec<String> = options.iter().map(ToString::to_string).collect();
             Box::new(move |project| firmware::emulate(project, &options))
         }
+        ["drawings"] => Box::new(drawings::draw),
         ["pictures"] => Box::new(browser::pictures),
         ["recording"] => Box::new(recording::record),
         ["book"] => Box::new(|project| {

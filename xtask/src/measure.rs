@@ -51,6 +51,8 @@ pub(crate) enum Source {
     M4,
     /// What stands in the firmware's image.
     Image,
+    /// Instructions of the firmware's image, counted while an emulator runs it.
+    Firmware,
 }
 
 /// Measures figures, each given by its name, its source and its limit; in place of a value the
@@ -67,11 +69,12 @@ pub(crate) fn measure(
     figures: &[(&str, Source, Limit)],
 ) -> Result<Vec<Result<f64, String>>, String> {
     let program = OnceCell::new();
-    if figures.iter().any(|(_, source, _)| !matches!(source, Source::M4 | Source::Image)) {
+    if figures.iter().any(|(_, source, _)| !matches!(source, Source::M4 | Source::Image | Source::Firmware)) {
         build(project, "sch108bex-bench")?;
     }
     let attempts = if project.ci { 7 } else { 1 };
     let m4 = OnceCell::new();
+    let emulated = OnceCell::new();
     let value = |&(name, source, limit): &(&str, Source, Limit)| match source {
         Source::Callgrind(work) => callgrind(project, tools, work),
         Source::Host(work) => host(project, work),
@@ -81,6 +84,10 @@ pub(crate) fn measure(
             built.clone().and_then(|()| best(attempts, limit, || host(project, work)))
         }
         Source::Image => firmware::figure(project, tools, name),
+        Source::Firmware => {
+            let output = emulated.get_or_init(|| firmware::counted(project, tools));
+            output.as_ref().map_err(Clone::clone).and_then(|output| named(output, name))
+        }
         Source::M4 => {
             let output = m4.get_or_init(|| m4_output(project, tools));
             output.as_ref().map_err(Clone::clone).and_then(|output| named(output, name))

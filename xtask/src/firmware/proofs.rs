@@ -56,7 +56,7 @@ fn no_panic(image: &Image) -> Result<String, String> {
 
 /// The octets of the deepest stack, and how they come about.
 pub(super) fn worst_stack(image: &Image) -> Result<(u32, Vec<(String, Deepest)>), String> {
-    let calls = Calls::of(image)?;
+    let calls = Calls::of(image);
     let worst = calls.worst(|exception| image.priority(exception))?;
     Ok((worst.iter().map(|(_, deepest)| deepest.octets).sum(), worst))
 }
@@ -74,7 +74,7 @@ fn stack(image: &Image) -> Result<String, String> {
 }
 
 fn no_float(image: &Image) -> Result<String, String> {
-    match Calls::of(image)?.float_in_handlers() {
+    match Calls::of(image).float_in_handlers() {
         None => Ok(format!("none below {} handlers", image.handlers().len())),
         Some(found) => Err(found),
     }

@@ -1,8 +1,9 @@
 //! How deep the stack of a function gets, and how deep it is at each of its calls.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use super::instruction::{Flow, Instruction, Stack};
+use super::registers::{Words, aims};
 
 /// A function without those that it calls.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -15,14 +16,16 @@ pub(crate) struct Frame {
     pub(crate) unknown: Vec<String>,
 }
 
-/// Follows every path through a function. `end` is the address behind it, which it may run into.
+/// Follows every path through a function. `end` is the address behind it, which it may run into; `words` are the
+/// constants among the code.
 ///
 /// # Errors
 ///
 /// The stack pointer is changed in a way that cannot be followed.
-pub(crate) fn frame(code: &[Instruction], end: u32) -> Result<Frame, String> {
+pub(crate) fn frame(code: &[Instruction], end: u32, words: &Words) -> Result<Frame, String> {
     let at: BTreeMap<u32, usize> = code.iter().enumerate().map(|(at, one)| (one.address, at)).collect();
-    let mut walk = Walk { code, at, end, depths: vec![None; code.len()], frame: Frame::default() };
+    let aims = aims(code, words);
+    let mut walk = Walk { code, at, end, aims, depths: vec![None; code.len()], frame: Frame::default() };
     let mut tables = Vec::new();
     walk.follow(0, 0, &mut tables)?;
     // Where a table leads is not read: it leads to all that nothing else does.
@@ -42,6 +45,8 @@ struct Walk<'a> {
     code: &'a [Instruction],
     at: BTreeMap<u32, usize>,
     end: u32,
+    /// Where calls and jumps through registers go.
+    aims: BTreeMap<usize, BTreeSet<u32>>,
     /// The deepest that the stack was before each instruction.
     depths: Vec<Option<u32>>,
     frame: Frame,
@@ -70,10 +75,14 @@ impl Walk<'_> {
             self.frame.own = self.frame.own.max(depth);
             let flow = instruction.flow();
             match flow {
-                Flow::To(to) | Flow::ToOrOn(to) => open.extend(self.go(to, depth)),
-                Flow::Call(to) => self.call(to, depth),
+                Flow::Call(to) if to == self.code[0].address => self.call(to, depth),
+                // What was taken out of several functions is followed as if it stood here.
+                Flow::To(to) | Flow::ToOrOn(to) | Flow::Call(to) => open.extend(self.go(to, depth)),
                 Flow::Table => tables.push(depth),
-                Flow::Unknown => self.frame.unknown.push(instruction.text()),
+                Flow::Unknown => match self.aims.get(&at).cloned() {
+                    Some(aims) => aims.into_iter().for_each(|aim| self.call(aim, depth)),
+                    None => self.frame.unknown.push(instruction.text()),
+                },
                 Flow::On | Flow::Out => {}
             }
             let comes_back = instruction.is_call();
@@ -115,7 +124,7 @@ mod tests {
             })
             .collect();
         let end = 0x0800_0400 + 2 * u32::try_from(code.len()).unwrap();
-        frame(&code, end)
+        frame(&code, end, &Words::new())
     }
 
     #[test]

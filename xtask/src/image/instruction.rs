@@ -7,6 +7,8 @@ pub(crate) struct Instruction {
     /// The mnemonic, without the width that some have.
     name: String,
     operands: String,
+    /// The constant that it loads stands there.
+    pub(crate) literal: Option<u32>,
 }
 
 /// What an instruction does to the stack.
@@ -52,9 +54,18 @@ impl Instruction {
         let rest = rest.strip_prefix('\t')?;
         let (name, operands) = rest.split_once('\t').unwrap_or((rest, ""));
         let name = name.trim().trim_end_matches(".n").trim_end_matches(".w");
-        let operands = operands.split(['@', ';']).next().unwrap_or_default().trim();
+        let (operands, comment) = operands.split_once(['@', ';']).unwrap_or((operands, ""));
+        let operands = operands.trim();
+        let of_pool = name.starts_with("ldr") && operands.contains("[pc, #");
+        let literal = comment.split_whitespace().next().filter(|_| of_pool);
+        let literal = literal.and_then(|word| u32::from_str_radix(word.trim_start_matches('('), 16).ok());
         let is_code = !name.is_empty() && !name.starts_with('.');
-        is_code.then(|| Self { address, name: name.into(), operands: operands.into() })
+        is_code.then(|| Self { address, name: name.into(), operands: operands.into(), literal })
+    }
+
+    /// Whether it is what the linker fills gaps with, D4D4h, which reads as a jump.
+    pub(crate) fn is_filler(&self) -> bool {
+        self.name == "bmi" && self.flow() == Flow::ToOrOn(self.address.wrapping_sub(84))
     }
 
     /// Whether it is one of the floating point unit.
@@ -65,6 +76,53 @@ impl Instruction {
     /// Whether it comes back to the next one through a register.
     pub(crate) fn is_call(&self) -> bool {
         self.is("blx").is_some()
+    }
+
+    /// Whether it is done only if a condition holds.
+    pub(crate) fn is_conditional(&self) -> bool {
+        CONDITIONS.iter().any(|condition| self.name.ends_with(condition))
+    }
+
+    /// The register that it jumps or calls through.
+    pub(crate) fn through(&self) -> Option<&str> {
+        let is = self.is("blx").is_some() || self.is("bx").is_some();
+        is.then_some(self.operands.as_str())
+    }
+
+    /// Whether the register may have another value after it.
+    pub(crate) fn writes(&self, register: &str) -> bool {
+        /// They only read.
+        const READERS: [&str; 12] =
+            ["str", "stm", "cmp", "cmn", "tst", "teq", "push", "cb", "tb", "vpush", "vst", "msr"];
+        /// A call may leave anything in these.
+        const LOST_BY_CALLS: [&str; 6] = ["r0", "r1", "r2", "r3", "ip", "lr"];
+        let is_call = self.is("bl").is_some() || self.is_call();
+        if is_call {
+            return LOST_BY_CALLS.contains(&register);
+        }
+        if self.operands.contains(&format!("{register}!"))
+            || self.operands.contains(&format!("[{register}],"))
+            || (self.operands.contains(&format!("[{register}, ")) && self.operands.ends_with("]!"))
+        {
+            return true;
+        }
+        if matches!(self.flow(), Flow::To(_) | Flow::ToOrOn(_))
+            || READERS.iter().any(|name| self.name.starts_with(name))
+        {
+            return false;
+        }
+        let Some((_, list)) = self.operands.split_once('{') else {
+            let written = if self.name.starts_with("ldrd")
+                || self.name.contains("mull")
+                || self.name.contains("mlal")
+            {
+                2
+            } else {
+                1
+            };
+            return self.operands.split(", ").take(written).any(|operand| operand == register);
+        };
+        list.contains(register) || list.contains('-')
     }
 
     /// As in the listing, for people.
@@ -85,7 +143,7 @@ impl Instruction {
     /// It changes the stack pointer in a way that is not known here.
     pub(crate) fn stack(&self) -> Result<Stack, String> {
         let unknown = || format!("{} changes the stack pointer in a way that is not followed", self.text());
-        let conditional = CONDITIONS.iter().any(|condition| self.name.ends_with(condition));
+        let conditional = self.is_conditional();
         let shrinks = |octets| if conditional { Stack::MayShrink } else { Stack::Shrinks(octets) };
         let list = || registers(&self.operands).ok_or_else(unknown);
         let of_stack = self.operands.starts_with("sp!,");
@@ -275,6 +333,14 @@ mod tests {
         ] {
             assert_eq!(read(text).flow(), due, "{text}");
         }
+    }
+
+    // D4D4h at 800506a: 800506e and 2 x -44.
+    #[test]
+    fn what_fills_a_gap_is_known() {
+        let line = |at: &str, to: &str| Instruction::parse(&format!(" {at}:\tbmi.n\t{to} <f+0x1e>")).unwrap();
+        assert!(line("800506a", "8005016").is_filler());
+        assert!(!line("800506a", "8005018").is_filler());
     }
 
     #[test]

@@ -225,7 +225,7 @@ fn the_watchdog_expires_at_the_same_time() {
 #[test]
 fn power_cuts() {
     let Some(mut master) = pair("lock_step::power_cuts", ADDRESS) else { return };
-    for round in 0..2_u32 {
+    for round in 0..4_u32 {
         start_up(&mut master, &SCANCON, None);
         master.line_mut().set_shaft(&Shaft::constant(1_000.0, 0, Instant::ZERO));
         exchange(&mut master, &preset(50_000 + round), 3, PAUSE);

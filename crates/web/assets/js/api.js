@@ -21,5 +21,6 @@ export const command = (request) => ask("POST", "api/commands", request);
 export const master = (request) => ask("POST", "api/master", request);
 export const play = (name, factor) => ask("POST", `api/scenarios/${encodeURIComponent(name)}/play`, { factor });
 export const stopScenario = () => ask("POST", "api/scenarios/stop", {});
-export const startRecording = (kind) => ask("POST", "api/recordings", { kind });
+export const startRecording = (request) => ask("POST", "api/recordings", request);
+export const removeRecording = (name) => ask("DELETE", `api/recordings/${encodeURIComponent(name)}`);
 export const stopRecording = (name) => ask("POST", `api/recordings/${encodeURIComponent(name)}/stop`, {});

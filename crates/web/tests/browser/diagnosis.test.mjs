@@ -24,6 +24,9 @@ test("an undervoltage is an alarm in words, first of all, with what to do, and b
   assert.equal(await marked.count(), 0);
   await page.locator("#diagnosis .octet").nth(7).click();
   assert.ok((await first.getAttribute("class")).includes("marked"));
+  // Octet 1 says two things here: that it is not ready, and that it reports a fault.
+  await page.locator("#diagnosis .octet").nth(0).hover();
+  assert.equal(await page.locator("#words > li.marked").count(), 2);
 });
 
 test("faults of the sensor and heat are counted, listed, and ended", LIMIT, async (t) => {

@@ -24,6 +24,7 @@ test("telegrams pass, are held and filtered, and a click on a field marks its oc
   const held = await numbers();
   await page.waitForTimeout(500);
   assert.deepEqual(await numbers(), held, "held telegrams do not move");
+  assert.match(await page.locator("#telegram-count").textContent(), /\d wait$/);
   await page.locator(".telegram.reply:not(.empty)").first().click();
   const field = page.locator("#telegram-detail .field-row", { hasText: /position/i }).first();
   await field.click();

@@ -329,8 +329,10 @@ impl Faults {
     #[inline]
     pub(crate) fn leaves_request(&mut self, octets: &[u8]) -> bool {
         self.active.as_mut().is_none_or(|active| {
-            let Active { flips, characters, request_characters, next_requests, .. } = &mut **active;
-            next_requests.is_empty() && request_characters.passes(octets.len(), flips, *characters)
+            let Active { flips, bursts, characters, request_characters, next_requests, .. } = &mut **active;
+            next_requests.is_empty()
+                && !bursts.come()
+                && request_characters.passes(octets.len(), flips, *characters)
         })
     }
 
@@ -342,9 +344,10 @@ impl Faults {
             let shares = [active.lost_replies, active.doubled_replies, active.late_replies];
             // Each of them draws, also after one that happens.
             let spared = shares.into_iter().filter(|&share| telegrams.takes(share)).count() == 0;
-            let Active { flips, characters, reply_characters, next_replies, .. } = &mut **active;
+            let Active { flips, bursts, characters, reply_characters, next_replies, .. } = &mut **active;
             let passes = spared
                 && next_replies.is_empty()
+                && !bursts.come()
                 && reply_characters.passes(octets.len(), flips, *characters);
             if passes {
                 active.reply_telegrams = telegrams;
@@ -538,6 +541,11 @@ impl Bursts {
             end: Share::new(end),
             flips: Flips::new(noise.burst_bit_errors),
         }
+    }
+
+    /// Whether there are any: then each character has to be looked at.
+    fn come(&self) -> bool {
+        !self.begin.is_none()
     }
 }
 

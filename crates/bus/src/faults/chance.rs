@@ -75,6 +75,11 @@ impl Share {
         Self((share * ALL) as u64)
     }
 
+    /// Whether it never happens.
+    pub(super) const fn is_none(self) -> bool {
+        self.0 == 0
+    }
+
     fn has(self, number: u64) -> bool {
         number < self.0 || self.0 == u64::MAX
     }

@@ -62,6 +62,27 @@ fn the_short_way_draws_the_same_chance() {
     assert!((1_000..1_900).contains(&let_pass), "{let_pass}");
 }
 
+/// In a burst the long way has to be gone, though outside it no character suffers.
+#[test]
+fn the_short_way_leaves_out_no_burst() {
+    let bursts = |noise: &mut Noise| {
+        (noise.seed, noise.bursts, noise.burst_length, noise.burst_bit_errors) = (5, 0.01, 10.0, 0.5);
+    };
+    let (mut short, mut long) = (noise(bursts), noise(bursts));
+    let octets = [0x55; 10];
+    for round in 0..1_000 {
+        let long_way = (long.request(&octets, false), long.reply(&octets).characters);
+        let request =
+            if short.leaves_request(&octets) { intact(&octets) } else { short.request(&octets, false) };
+        let reply =
+            if short.leaves_reply(&octets) { intact(&octets) } else { short.reply(&octets).characters };
+        assert_eq!((request, reply), long_way, "round {round}");
+    }
+    // One character in eleven is in a burst.
+    let damaged = long.counters().damaged_request_characters;
+    assert!((600..1_300).contains(&damaged), "{damaged} of 10000");
+}
+
 #[test]
 fn another_seed_gives_other_faults() {
     let run = |seed| {

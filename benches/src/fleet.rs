@@ -70,8 +70,8 @@ impl Expected {
 }
 
 /// A segment with its master, and what its encoders must answer.
-struct Fleet {
-    master: LightMaster<VirtualSegment<EncoderStation>>,
+pub(crate) struct Fleet {
+    pub(crate) master: LightMaster<VirtualSegment<EncoderStation>>,
     expected: Vec<Expected>,
     /// Who is next.
     at: usize,
@@ -81,8 +81,8 @@ struct Fleet {
 
 /// What a run brought.
 #[derive(Default)]
-struct Run {
-    exchanges: u32,
+pub(crate) struct Run {
+    pub(crate) exchanges: u32,
     /// Seconds on the bus.
     passed: f64,
     /// Seconds of a processor that it took.
@@ -92,7 +92,12 @@ struct Run {
 impl Fleet {
     /// As many encoders as fit on a segment, who move in all ways.
     fn full() -> Result<Self, String> {
-        Self::of((1..=FULL).zip(MOVEMENTS.iter().cycle()))
+        Self::some(FULL)
+    }
+
+    /// So many encoders, at most as many as fit on a segment, who move in all ways.
+    pub(crate) fn some(count: u8) -> Result<Self, String> {
+        Self::of((1..=count).zip(MOVEMENTS.iter().cycle()))
     }
 
     /// One encoder.
@@ -138,7 +143,7 @@ impl Fleet {
     }
 
     /// Exchanges for so long.
-    fn run(&mut self, span: Duration) -> Result<Run, String> {
+    pub(crate) fn run(&mut self, span: Duration) -> Result<Run, String> {
         let (begun, from) = (on_processor(), self.master.now());
         let mut exchanges = 0;
         while self.master.now() < from + span {

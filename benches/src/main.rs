@@ -9,6 +9,7 @@ mod fleet;
 mod late;
 mod over_limit;
 mod processes;
+mod recorded;
 mod telegrams;
 mod tty;
 
@@ -33,6 +34,7 @@ fn main() -> ExitCode {
         ["cost-ratio"] => fleet::cost_ratio().map(|ratio| format!("{ratio:.3}\n")),
         ["encoder-memory"] => fleet::memory().map(|kib| format!("{kib:.2}\n")),
         ["late"] => late::late_answers().map(|late| format!("{late:.1}\n")),
+        ["record-capture"] => recorded::cost_ratio().map(|ratio| format!("{ratio:.3}\n")),
         ["help"] => processes::help().map(|ms| format!("{ms:.2}\n")),
         ["start"] => processes::start_to_ready().map(|ms| format!("{ms:.2}\n")),
         ["ram"] => Ok(format!("{}\n", device::ram())),

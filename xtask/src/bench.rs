@@ -24,7 +24,7 @@ const fn figure(name: &'static str, unit: &'static str, limit: Limit, source: So
 
 use Limit::{AtLeast, AtMost, Unlimited};
 
-const FIGURES: [Figure; 27] = [
+const FIGURES: [Figure; 28] = [
     figure("data_exchange_4_in_instructions", "instructions", AtMost(320.0), Source::Callgrind("exchange-4")),
     figure(
         "data_exchange_12_in_instructions",
@@ -61,6 +61,7 @@ const FIGURES: [Figure; 27] = [
     figure("exchange_cost_10000_over_1", "ratio", AtMost(1.3), Source::Timed("cost-ratio")),
     figure("memory_per_encoder_kib", "KiB", AtMost(4.0), Source::Host("encoder-memory")),
     figure("late_answers_per_100000", "answers", AtMost(10.0), Source::Program("late")),
+    figure("record_capture_cost_ratio", "ratio", Unlimited, Source::Timed("record-capture")),
     figure("device_ram_octets", "octets", AtMost(1536.0), Source::Host("ram")),
 ];
 

@@ -42,6 +42,11 @@ impl Assembler {
             self.finish(take);
         }
         self.last = Some((nanos, direction));
+        if comments.is_empty() && self.splitter.is_one_telegram(octets) {
+            self.count += octets.len() as u64;
+            let direction = direction.or_else(|| of_telegram(octets));
+            return take(Packet { nanos, direction, octets: octets.to_vec(), ..Packet::default() });
+        }
         self.times.push((self.count + 1, nanos));
         self.count += octets.len() as u64;
         self.comments = comments;
@@ -69,11 +74,17 @@ impl Assembler {
 
     /// The end, or a pause.
     pub fn finish(&mut self, take: &mut dyn FnMut(Packet)) {
+        if self.splitter.is_waiting() {
+            self.finish_splitter(take);
+        }
+        self.comments.clear();
+        self.times.clear();
+    }
+
+    fn finish_splitter(&mut self, take: &mut dyn FnMut(Packet)) {
         let mut splitter = std::mem::take(&mut self.splitter);
         splitter.finish(&mut |piece| take(self.packet(piece)));
         self.splitter = splitter;
-        self.comments.clear();
-        self.times.clear();
     }
 
     fn packet(&mut self, piece: Piece) -> Packet {

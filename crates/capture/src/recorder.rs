@@ -28,6 +28,10 @@ pub use listener::Listener;
 const PERIOD: Duration = Duration::from_millis(20);
 /// What may wait for the disk.
 const MOST_EVENTS: usize = 64 * 1024;
+/// With so many waiting the writer does not wait for its period: what it takes then is still in a cache.
+const MANY_EVENTS: usize = 8 * 1024;
+/// So many octets are given to the system at once.
+const MANY_OCTETS: usize = 64 * 1024;
 const MOST_OCTETS: usize = 4 * 1024 * 1024;
 
 /// How to record.
@@ -121,8 +125,11 @@ impl Recorder {
     ///
     /// The file cannot be written.
     pub fn start(path: &Path, settings: &Settings) -> io::Result<Self> {
-        let mut writer =
-            Writer::new(BufWriter::new(File::create(path)?), settings.link_type, &settings.name)?;
+        let mut writer = Writer::new(
+            BufWriter::with_capacity(MANY_OCTETS, File::create(path)?),
+            settings.link_type,
+            &settings.name,
+        )?;
         writer.flush()?;
         let shared = Arc::new(Shared::default());
         let is_virtual = settings.is_virtual;
@@ -195,7 +202,7 @@ impl Tap {
         store.octets.extend_from_slice(octets);
         store.events.push(event);
         // Once, on the way to a full one: the writer comes by itself soon enough.
-        if store.events.len() == MOST_EVENTS / 2 {
+        if store.events.len() == MANY_EVENTS {
             self.wake();
         }
     }

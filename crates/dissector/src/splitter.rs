@@ -122,6 +122,22 @@ impl Splitter {
         }
     }
 
+    /// Whether octets wait for those that follow them.
+    pub fn is_waiting(&self) -> bool {
+        !self.buffer.is_empty() || self.garbage.is_some()
+    }
+
+    /// Takes the next octets of the stream if none wait and these are one whole telegram, which is the usual: the
+    /// same as [`push`](Self::push) would find, without a copy.
+    pub fn is_one_telegram(&mut self, octets: &[u8]) -> bool {
+        let is_one = !self.is_waiting()
+            && matches!(parse(octets), Parsed::Complete(_, length) if length == octets.len());
+        if is_one {
+            self.gone += octets.len() as u64;
+        }
+        is_one
+    }
+
     /// The stream ends here, or pauses so long that no telegram goes on after it.
     pub fn finish(&mut self, take: &mut dyn FnMut(Piece)) {
         self.work(true, take);
@@ -307,6 +323,31 @@ mod tests {
             let told = split(text);
             assert!(told.len() == 1 && told[0].contains(words), "{text}: {told:#?}");
         }
+    }
+
+    #[test]
+    fn one_whole_telegram_is_taken_at_once_only_where_nothing_waits() {
+        let status = hex::octets("10 0B 02 49 56 16").expect("hex");
+        let mut pieces = Vec::new();
+        let mut splitter = Splitter::default();
+        assert!(splitter.is_one_telegram(&status));
+        let no_telegram: [&[u8]; 3] = [&status[..5], &[status.as_slice(), &[0xE5]].concat(), &[0xFF]];
+        for octets in no_telegram {
+            assert!(!splitter.is_one_telegram(octets), "{octets:02X?}");
+        }
+        // The beginning of an SD2 whose data may well look like a telegram.
+        splitter.push(&[0x68, 9, 9], &mut |piece| pieces.push(piece));
+        assert!(splitter.is_waiting() && !splitter.is_one_telegram(&status));
+        splitter.finish(&mut |piece| pieces.push(piece));
+        assert!(splitter.is_one_telegram(&status));
+        splitter.push(&[0xFF], &mut |piece| pieces.push(piece));
+        assert!(!splitter.is_one_telegram(&status));
+        splitter.finish(&mut |piece| pieces.push(piece));
+        // Octets taken at once count: 6, 3 and 6 before this one.
+        assert!(
+            matches!(pieces[..], [Piece::Bad { at: 7, .. }, Piece::Garbage { at: 16, .. }]),
+            "{pieces:?}"
+        );
     }
 
     #[test]

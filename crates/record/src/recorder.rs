@@ -9,7 +9,7 @@ use std::thread::{JoinHandle, Thread};
 use std::time::Duration as Time;
 
 use plant::control::{Item, Subscription};
-use plant::{Handle, PlantError};
+use plant::{Handle, PlantError, SampleTap};
 use profibus_dp::time::{Duration, Instant};
 
 use crate::format::{Format, Rows, create};
@@ -109,17 +109,7 @@ impl Recorder {
     ///
     /// A segment has ended, or the system gives no thread.
     pub fn attach(&mut self, handle: &Handle) -> Result<(), PlantError> {
-        handle.sample_to(self.settings.every, |_, name| {
-            let mut store = self.shared.lock();
-            store.names.push(name.into());
-            Box::new(Tap {
-                shared: Arc::clone(&self.shared),
-                writer: self.writer.clone(),
-                encoder: u32::try_from(store.names.len() - 1).unwrap_or_default(),
-                unit: None,
-                is_virtual: self.settings.is_virtual,
-            })
-        })?;
+        handle.sample_to(self.settings.every, |_, name| Box::new(self.tap(name)))?;
         if !self.settings.is_virtual {
             let (to, stop) = mpsc::channel();
             let (handle, events) = (handle.clone(), self.events());
@@ -130,6 +120,19 @@ impl Recorder {
             self.asker = Some((to, thread));
         }
         Ok(())
+    }
+
+    /// Who is given the samples of an encoder of this name.
+    pub fn tap(&self, encoder: &str) -> impl SampleTap + use<> {
+        let mut store = self.shared.lock();
+        store.names.push(encoder.into());
+        Tap {
+            shared: Arc::clone(&self.shared),
+            writer: self.writer.clone(),
+            encoder: u32::try_from(store.names.len() - 1).unwrap_or_default(),
+            unit: None,
+            is_virtual: self.settings.is_virtual,
+        }
     }
 
     /// Where events are given to it.

@@ -67,6 +67,8 @@ pub trait Board {
     fn on_bench(&self) -> bool;
     /// The eight lines of the rotary switches.
     fn switches(&self) -> u8;
+    /// The two lines of the termination switches.
+    fn termination(&self) -> u8;
     /// The voltages, measured now.
     fn readings(&self) -> analog::Readings;
     /// Whether the part's own supply falls.
@@ -98,8 +100,15 @@ fn power_on(baud: BaudSetting, switches: u8, variant: Variant, stored: Choice, b
 pub fn run(board: &impl Board) -> ! {
     let bench = board.on_bench();
     ON_BENCH.store(bench, Ordering::Relaxed);
-    let mut stage =
-        Stage { measured: None, lock_step: false, writing: None, tries: 0, latches: 0, failing: false };
+    let mut stage = Stage {
+        measured: None,
+        lock_step: false,
+        lamp: false,
+        writing: None,
+        tries: 0,
+        latches: 0,
+        failing: false,
+    };
     // SAFETY: no interrupt is on yet.
     unsafe {
         Bus::make(BUS.begin());
@@ -129,6 +138,8 @@ pub fn run(board: &impl Board) -> ! {
 struct Stage {
     measured: Option<Measurement>,
     lock_step: bool,
+    /// What the lamp shows on the bench.
+    lamp: bool,
     writing: Option<Writing>,
     /// How often the memory was busy with a piece.
     tries: u8,
@@ -160,7 +171,7 @@ impl Stage {
                 shaft.measure(&measurement);
             }
         });
-        board.lamp(!measurement.supply_in_range());
+        board.lamp(analog::lamp(&measurement, analog::termination(board.termination())));
     }
 
     /// Whatever the host says next.
@@ -212,7 +223,7 @@ impl Stage {
         };
         let latches = SHAFT.lock(|shaft| shaft.as_ref().map_or(0, |shaft| shaft.latches));
         let [a, b, c, d] = latches.to_le_bytes();
-        tell(board, b'A', &[kind, 0, a, b, c, d]);
+        tell(board, b'A', &[kind, u8::from(self.lamp), a, b, c, d]);
     }
 
     #[inline(never)]
@@ -237,6 +248,8 @@ impl Stage {
                 shaft.reading = world.shaft;
             }
         });
+        self.lamp = analog::lamp(&world.measurement, world.termination);
+        board.lamp(self.lamp);
         self.step(board);
         if self.measured != Some(world.measurement) {
             self.measured = Some(world.measurement);

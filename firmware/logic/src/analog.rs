@@ -1,5 +1,6 @@
 //! What the end cap's voltages and switches mean.
 
+use sch108bex::end_cap::{Termination, TerminationSwitches};
 use sch108bex::health::Measurement;
 
 use crate::turns;
@@ -65,6 +66,17 @@ impl Readings {
     }
 }
 
+/// The switches of the termination resistors: two lines with pull-ups, bits 0 and 1.
+pub const fn termination(lines: u8) -> TerminationSwitches {
+    TerminationSwitches { first: lines & 1 == 0, second: lines & 2 == 0 }
+}
+
+/// Whether the lamp is lit: the supply is out of its range, or one resistor is on and one off,
+/// which is wrong everywhere.
+pub fn lamp(measurement: &Measurement, termination: TerminationSwitches) -> bool {
+    !measurement.supply_in_range() || termination.termination() == Termination::Mismatch
+}
+
 /// The rotary switches: eight lines with pull-ups, a closed contact pulls its line low.
 pub const fn switches(lines: u8) -> u8 {
     !lines
@@ -98,6 +110,16 @@ mod tests {
         let readings = Readings { supply: 0, temperature: 943, battery: 1241, part: STM32G474 };
         assert!((2_990..=3_010).contains(&readings.battery_mv()), "{}", readings.battery_mv());
         assert!((295..=305).contains(&readings.measurement(true).temperature_tenths));
+    }
+
+    #[test]
+    fn the_lamp_tells_of_a_wrong_supply_or_termination() {
+        let low = Measurement { supply_mv: 8_999, ..Measurement::GOOD };
+        for (lines, wrong) in [(0b00, false), (0b11, false), (0b01, true), (0b10, true)] {
+            assert_eq!(lamp(&Measurement::GOOD, termination(lines)), wrong, "{lines:02b}");
+            assert!(lamp(&low, termination(lines)));
+        }
+        assert_eq!(termination(0b10), TerminationSwitches { first: true, second: false });
     }
 
     #[test]

@@ -8,6 +8,7 @@
 //! | sensor, AS5047P | SPI2: PB13 SCK, PB14 MISO, PB15 MOSI; PB12 select |
 //! | memory, 24-series | I2C1: PA15 SCL, PB7 SDA; address 50h |
 //! | rotary switches | PC2 to PC9, bit 0 first, contacts to ground |
+//! | termination switches | PB0, PB1, contacts to ground |
 //! | supply | PA0 by 100 kOhm, 10 kOhm to ground |
 //! | lamp | PA5, lit while high |
 //! | battery | VBAT |
@@ -77,8 +78,8 @@ fn pins(peripherals: &pac::Peripherals) {
         b.afrl().write(|w| w.bits(4 << 28));
         b.afrh().write(|w| w.bits(5 << 20 | 5 << 24 | 5 << 28));
         b.otyper().write(|w| w.bits(1 << 7));
-        b.pupdr().modify(|r, w| w.bits(r.bits() & !(3 << 4 | 3 << 14) | 1 << 4 | 1 << 14));
-        let cleared = 3 << 4 | 3 << 14 | 0xFF << 24;
+        b.pupdr().modify(|r, w| w.bits(r.bits() & !(0x3F | 3 << 14) | 0b01_0101 | 1 << 14));
+        let cleared = 0x3F | 3 << 14 | 0xFF << 24;
         b.moder()
             .modify(|r, w| w.bits(r.bits() & !cleared | 2 << 14 | 1 << 24 | 2 << 26 | 2 << 28 | 2 << 30));
         c.pupdr().write(|w| w.bits(0x5555 << 4));
@@ -200,6 +201,12 @@ impl Board for Nucleo {
         // SAFETY: a register that can be read.
         let [low, high, ..] = unsafe { (*pac::GPIOC::ptr()).idr().read().bits() }.to_le_bytes();
         low >> 2 | high << 6
+    }
+
+    fn termination(&self) -> u8 {
+        // SAFETY: a register that can be read.
+        let [low, ..] = unsafe { (*pac::GPIOB::ptr()).idr().read().bits() }.to_le_bytes();
+        low
     }
 
     fn readings(&self) -> Readings {

@@ -204,6 +204,12 @@ impl Board for Olimex {
         low >> 2 | high << 6
     }
 
+    fn termination(&self) -> u8 {
+        // SAFETY: a register that can be read.
+        let [_, high, ..] = unsafe { (*pac::GPIOB::ptr()).idr().read().bits() }.to_le_bytes();
+        high >> 4
+    }
+
     fn readings(&self) -> Readings {
         end_cap::readings()
     }

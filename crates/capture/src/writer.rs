@@ -62,8 +62,8 @@ impl<W: Write> Writer<W> {
         self.write_block(packet)
     }
 
-    /// A packet of which nothing is said. Each telegram is one, and putting its block together here takes a third
-    /// of the time of the library.
+    /// A packet of which nothing is said. Each telegram is one, so its block is put together here
+    /// without a list of options on the heap.
     fn write_usual(&mut self, packet: &Packet) -> io::Result<()> {
         let flags = packet::flags(packet);
         let Some(octets) = usual_block(packet, flags) else {

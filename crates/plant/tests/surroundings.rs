@@ -206,6 +206,8 @@ fn values_that_are_none_are_told() {
         (r#"{"do":"discharge","hours_without_power":1,"charge":101}"#, "charge"),
         (r#"{"do":"line","bursts":0.1,"burst_length":0.5}"#, "burst_length"),
         (r#"{"do":"line","bursts":1.5}"#, "bursts"),
+        (r#"{"do":"cut","after":3}"#, "0 to 2"),
+        (r#"{"do":"cut","after":1,"master_after":2}"#, "0 to 1"),
     ] {
         let error = bench.refused(line);
         assert!(error.contains(told), "{line}: {error}");

@@ -157,20 +157,54 @@ impl Handle {
             | Request::Reflections { segment, .. } => segment,
             _ => return Ok(()),
         };
-        let request = request.clone();
-        self.each_segment(segment.as_ref(), move |segment| {
-            let mut cable = segment.faults().cable();
-            match request {
-                Request::Cut { after, master_after, .. } => {
-                    cable.cut_after = Some(after);
-                    cable.master_after = master_after.unwrap_or(cable.master_after);
-                }
-                Request::Mend { .. } => cable.cut_after = None,
-                Request::Reflections { on, .. } => cable.mismatches = on.then_some(0),
-                _ => {}
-            }
+        let change = match *request {
+            Request::Cut { after, master_after, .. } => Change::Cut { after, master_after },
+            Request::Mend { .. } => Change::Mend,
+            Request::Reflections { on, .. } => Change::Reflections(on),
+            _ => Change::Nothing,
+        };
+        self.with_segments(segment.as_ref(), move |segment| {
+            let cable = change.of(segment.faults().cable(), segment.stations().len())?;
             relay(segment, cable);
+            Ok::<_, ControlError>(())
         })
+    }
+}
+
+/// What becomes of a cable.
+#[derive(Debug, Clone, Copy)]
+enum Change {
+    Cut { after: usize, master_after: Option<usize> },
+    Mend,
+    Reflections(bool),
+    Nothing,
+}
+
+impl Change {
+    fn of(self, mut cable: bus::Cable, stations: usize) -> Result<bus::Cable, ControlError> {
+        match self {
+            Self::Cut { after, master_after } => {
+                let devices = stations + 1;
+                if after > devices {
+                    let text = format!(
+                        "after is a number from 0 to {devices}: there are {devices} devices, the master among them"
+                    );
+                    return Err(ControlError::Value(text));
+                }
+                if master_after.is_some_and(|master_after| master_after > stations) {
+                    let text = format!(
+                        "master_after is a number from 0 to {stations}: there are {stations} encoders"
+                    );
+                    return Err(ControlError::Value(text));
+                }
+                cable.cut_after = Some(after);
+                cable.master_after = master_after.unwrap_or(cable.master_after);
+            }
+            Self::Mend => cable.cut_after = None,
+            Self::Reflections(on) => cable.mismatches = on.then_some(0),
+            Self::Nothing => {}
+        }
+        Ok(cable)
     }
 }
 

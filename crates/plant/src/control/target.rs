@@ -54,21 +54,6 @@ impl Handle {
         Ok(asked.collect::<Result<_, _>>()?)
     }
 
-    /// Does the same with each of the segments that are meant.
-    pub(super) fn each_segment(
-        &self,
-        segment: Option<&Which>,
-        work: impl Fn(&mut dyn Ground) + Clone + Send + 'static,
-    ) -> Result<(), ControlError> {
-        let names: Vec<_> = self.places().iter().map(|place: &Place| place.name.as_str()).collect();
-        let numbers = chosen("segment", segment, &names)?;
-        for place in numbers.into_iter().filter_map(|number| self.places().get(number)) {
-            let work = work.clone();
-            place.ask(move |segment| work(segment))?;
-        }
-        Ok(())
-    }
-
     /// Does something with each of the segments that are meant, once all of them are found.
     pub(super) fn with_segments<E: Into<ControlError> + Send + 'static>(
         &self,

@@ -19,22 +19,42 @@ pub(crate) struct Overheard {
     at: Instant,
     /// For each station the end of the newest telegram that it heard, or sent.
     heard: Vec<Instant>,
+    /// For each station whether it may be searching for the rate: then it depends on what it has heard before
+    /// whether it answers.
+    unsure: Vec<bool>,
 }
 
 impl Overheard {
     pub(crate) fn new() -> Self {
-        Self { octets: [0; MAX_OCTETS], length: 0, at: Instant::ZERO, heard: Vec::new() }
+        Self { octets: [0; MAX_OCTETS], length: 0, at: Instant::ZERO, heard: Vec::new(), unsure: Vec::new() }
     }
 
     /// One more station, that hears nothing of what was before.
     pub(crate) fn add(&mut self, now: Instant) {
         self.heard.push(now);
+        self.unsure.push(true);
     }
 
-    /// A station hears, or sends, the telegram that ends at `now`.
+    /// A station sends the telegram that ends at `now`.
     #[inline]
-    pub(crate) fn hears(&mut self, station: usize, now: Instant) {
+    pub(crate) fn sends(&mut self, station: usize, now: Instant) {
         self.heard[station] = now;
+    }
+
+    /// A station is about to hear the telegram that ends at `now`.
+    #[inline]
+    pub(crate) fn hears<S: Station>(&mut self, stations: &mut Stations<S>, station: usize, now: Instant) {
+        if self.unsure[station] {
+            self.tell(stations, station);
+            self.unsure[station] = false;
+        }
+        self.heard[station] = now;
+    }
+
+    /// A station was polled: it may have begun to search.
+    #[inline]
+    pub(crate) fn was_polled(&mut self, station: usize) {
+        self.unsure[station] = true;
     }
 
     /// A telegram ended at `now`.
@@ -56,12 +76,13 @@ impl Overheard {
         for at in 0..self.heard.len() {
             self.tell(stations, at);
         }
+        self.unsure.fill(true);
     }
 
     /// Tells one station, unless it has heard it.
     #[inline]
     pub(crate) fn tell<S: Station>(&mut self, stations: &mut Stations<S>, station: usize) {
-        let Self { octets, length, at, heard } = self;
+        let Self { octets, length, at, heard, .. } = self;
         if *at <= heard[station] {
             return;
         }

@@ -371,6 +371,7 @@ impl<S: Station> VirtualSegment<S> {
             // What it has heard may have put its deadline off.
             if stations.is_due(at, now) {
                 stations.call(at, |station| station.poll(now));
+                overheard.was_polled(at);
             }
             *all_tuned &= stations.as_slice()[at].listening_rate() == *rate;
         });

@@ -5,7 +5,9 @@ mod common;
 use bus::virtual_segment::idle_time;
 use bus::{Answer, Reply, ReplyFault, VirtualSegment};
 use common::{Listener, STATUS_11, STATUS_11_ANSWER, status, status_answer};
+use profibus_dp::fdl::{BaudSearch, BaudSetting, Station, Window};
 use profibus_dp::time::{Baudrate, BitTimes, Duration, Instant};
+use profibus_dp::wire::Telegram;
 
 fn segment(rate: Baudrate) -> VirtualSegment<Listener> {
     VirtualSegment::new(Instant::ZERO, rate)
@@ -234,4 +236,63 @@ fn a_new_address_counts_from_the_next_telegram_on() {
     assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
     assert!(silence(&bus.send(&STATUS_11)));
     assert_eq!(reply(bus.send(&status(12))).octets, status_answer(12));
+}
+
+/// A station that searches.
+#[derive(Debug)]
+struct Searcher(BaudSearch, Listener);
+
+impl Station for Searcher {
+    fn receive(&mut self, _: Instant, _: &[u8]) -> Option<Window> {
+        unreachable!("segments parse telegrams themselves");
+    }
+
+    fn indicate(&mut self, now: Instant, telegram: &Telegram<'_>) -> Option<Window> {
+        if self.0.life(now) { None } else { self.1.indicate(now, telegram) }
+    }
+
+    fn line_error(&mut self, now: Instant) {
+        self.0.line_error(now);
+    }
+
+    fn transmit(&mut self, now: Instant) -> Option<&[u8]> {
+        self.1.transmit(now)
+    }
+
+    fn poll(&mut self, now: Instant) {
+        self.0.poll(now, false);
+    }
+
+    fn next_deadline(&self) -> Option<Instant> {
+        self.0.deadline(false)
+    }
+
+    fn listening_rate(&self) -> Baudrate {
+        self.0.rate()
+    }
+
+    fn address(&self) -> Option<u8> {
+        self.1.address()
+    }
+}
+
+// The first telegram ends the search of all that hear it; who is asked next answers.
+#[test]
+fn a_telegram_for_another_station_ends_the_search_for_the_rate() {
+    let mut bus = VirtualSegment::new(Instant::ZERO, Baudrate::B500000);
+    for address in [11, 12] {
+        let search = BaudSearch::new(Instant::ZERO, BaudSetting::Search(Baudrate::B500000));
+        bus.add(Searcher(search, Listener::at(address)));
+    }
+    assert!(silence(&bus.send(&status(12))));
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
+    // After a silence of more than 5 s they search again, and come by the rate again.
+    bus.wait(Duration::from_secs(6));
+    assert!(!bus.stations()[0].0.is_found());
+    bus.wait(Duration::from_secs(20));
+    while bus.stations()[0].0.rate() != Baudrate::B500000 {
+        bus.wait(Duration::from_millis(10));
+    }
+    assert!(silence(&bus.send(&status(12))));
+    assert_eq!(reply(bus.send(&STATUS_11)).octets, STATUS_11_ANSWER);
 }

@@ -87,7 +87,7 @@ impl<S: Station> VirtualSegment<S> {
         let Self { stations, clock, receiver, repliers, overheard, faults, .. } = self;
         let now = clock.now();
         if let Some(sender) = sender {
-            overheard.hears(sender, now);
+            overheard.sends(sender, now);
         }
         let ended = receiver.receive(now, octets, |now, telegram| {
             repliers.clear();
@@ -99,7 +99,7 @@ impl<S: Station> VirtualSegment<S> {
                 repliers.clear();
                 stations.each_for(data.da, |stations, at| {
                     if Some(at) != sender {
-                        overheard.hears(at, now);
+                        overheard.hears(stations, at, now);
                         let window = stations.call(at, |station| station.indicate(now, telegram));
                         repliers.extend(window.map(|window| (window.not_before, at)));
                     }

@@ -37,7 +37,8 @@ pub(crate) struct Board {
 pub(crate) const SHIPPED: &Board =
     &Board { name: "olimex_h405", part: "STM32F405", flash: 24 * 1024, ram: 4 * 1024 };
 
-const BOARDS: [&Board; 1] = [SHIPPED];
+const BOARDS: [&Board; 2] =
+    [SHIPPED, &Board { name: "nucleo_g474re", part: "STM32G474", flash: 32 * 1024, ram: 4 * 1024 }];
 
 impl Board {
     /// `cargo build` of its image, with these features beside its own.

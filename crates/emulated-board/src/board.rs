@@ -107,6 +107,16 @@ impl Board {
         self.wait(b'L')
     }
 
+    /// So many latches more, 1 to 255, with the world of the last.
+    ///
+    /// # Errors
+    ///
+    /// The firmware does not answer.
+    pub fn more(&mut self, latches: u8) -> Result<(), EmulatorError> {
+        self.link.more(latches)?;
+        self.wait(b'T')
+    }
+
     fn wait(&mut self, kind: u8) -> Result<(), EmulatorError> {
         let Self { link, memory, writes, .. } = self;
         let done = link.done(kind, |slot, octets| {

@@ -111,6 +111,15 @@ impl WorldLink {
         self.send(b'L', &world_payload(world))
     }
 
+    /// So many latches more with the world as it was.
+    ///
+    /// # Errors
+    ///
+    /// The emulator has gone.
+    pub fn more(&mut self, latches: u8) -> Result<(), EmulatorError> {
+        self.send(b'T', &[latches])
+    }
+
     /// The power is cut.
     ///
     /// # Errors

@@ -83,7 +83,7 @@ impl Live {
         let snapshot = snapshot(&shadow)?;
         let mut stepped = Stepped::new(board, snapshot.identity.variant, snapshot.world.0);
         // Octets come while latches go on: no telegram is to end where they come a little late.
-        stepped.rate = 1;
+        (stepped.rate, stepped.brief) = (1, false);
         stepped.switches = snapshot.identity.switches.0;
         let mut table = Table { stepped, bench, switched_off: false, memory_lost: false, broken: None };
         table.look(&shadow)?;

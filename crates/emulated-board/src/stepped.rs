@@ -27,6 +27,9 @@ pub struct Stepped {
     /// Which of the ten rates, slowest first. It says how long a pause is an idle line: at 9 (12 Mbit/s) a latch,
     /// at 1 (19.2 kbit/s) four of them.
     pub rate: u8,
+    /// Latches at which nothing is new go in one message. Not for a board that gets octets meanwhile: it would
+    /// get too many latches between two of them.
+    pub brief: bool,
     /// The sensor reports a fault at each latch.
     pub sensor_fault: bool,
     /// The next power-on finds the turn count lost.
@@ -35,6 +38,8 @@ pub struct Stepped {
     /// Latches since then.
     latches: u64,
     now: Instant,
+    /// The world of the latest latch.
+    told: Option<World>,
 }
 
 impl Stepped {
@@ -47,11 +52,13 @@ impl Stepped {
             measurement,
             switches: 0x7E,
             rate: 9,
+            brief: true,
             sensor_fault: false,
             turns_lost: false,
             powered_at: Instant::ZERO,
             latches: 0,
             now: Instant::ZERO,
+            told: None,
         }
     }
 
@@ -97,7 +104,7 @@ impl Stepped {
             battery: if turns_lost { Battery::Empty } else { self.measurement.battery },
             variant: self.variant,
         })?;
-        (self.powered_at, self.latches) = (self.now, 0);
+        (self.powered_at, self.latches, self.told) = (self.now, 0, None);
         self.advance_to(self.now)
     }
 
@@ -121,16 +128,34 @@ impl Stepped {
     ///
     /// The firmware does not answer.
     pub fn advance_to(&mut self, until: Instant) -> Result<(), EmulatorError> {
+        let mut alike = 0;
         while self.board.is_powered() && self.next_latch() <= until {
-            let at = self.next_latch();
-            let counts = self.shaft.at(at, self.variant);
-            let shaft = if self.sensor_fault { ShaftReading::Fault } else { ShaftReading::Full(counts) };
-            let termination = TerminationSwitches::ON;
-            self.board.latch(&World { shaft, measurement: self.measurement, termination })?;
+            let world = self.world_at(self.next_latch());
+            let known = self.brief && self.told == Some(world);
+            if !known || alike == u8::MAX {
+                self.tell_more(std::mem::take(&mut alike))?;
+            }
+            if known {
+                alike += 1;
+            } else {
+                self.board.latch(&world)?;
+                self.told = Some(world);
+            }
             self.latches += 1;
         }
+        self.tell_more(alike)?;
         self.now = self.now.max(until);
         Ok(())
+    }
+
+    fn tell_more(&mut self, latches: u8) -> Result<(), EmulatorError> {
+        if latches == 0 { Ok(()) } else { self.board.more(latches) }
+    }
+
+    fn world_at(&mut self, latch: Instant) -> World {
+        let counts = self.shaft.at(latch, self.variant);
+        let shaft = if self.sensor_fault { ShaftReading::Fault } else { ShaftReading::Full(counts) };
+        World { shaft, measurement: self.measurement, termination: TerminationSwitches::ON }
     }
 
     /// One latch, or without power the time of one.

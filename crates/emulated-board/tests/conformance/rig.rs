@@ -22,6 +22,8 @@ const PATIENCE: Time = Time::from_secs(5);
 pub(crate) struct BoardRig {
     stepped: Stepped,
     bus: UnixStream,
+    /// Octets that nobody has listened after: they may still be on their way.
+    unheard: u32,
 }
 
 fn failed(error: &EmulatorError) -> RigError {
@@ -33,7 +35,21 @@ impl BoardRig {
         let board = Board::start(&Setup { program, image, bus: None }).expect("an emulated board");
         let bus = UnixStream::connect(board.bus()).expect("the board's bus");
         bus.set_write_timeout(Some(PATIENCE)).expect("a time limit");
-        Self { stepped: Stepped::new(board, Variant::FULL, World::default().0), bus }
+        Self { stepped: Stepped::new(board, Variant::FULL, World::default().0), bus, unheard: 0 }
+    }
+
+    /// A latch is an idle line: what was sent has to be there before it.
+    fn settle(&mut self) {
+        /// More than the emulator takes for an octet.
+        const OCTET: Time = Time::from_micros(200);
+        if self.unheard > 0 {
+            std::thread::sleep(SILENCE + OCTET * std::mem::take(&mut self.unheard));
+        }
+    }
+
+    fn write(&mut self, octets: &[u8]) {
+        self.unheard += u32::try_from(octets.len()).expect("few octets");
+        self.bus.write_all(octets).expect("the board's bus");
     }
 
     /// Octets that came, until a telegram is whole or nothing has come for `first`.
@@ -134,6 +150,7 @@ impl Rig for BoardRig {
 
     fn send(&mut self, signals: &[Signal]) -> Result<(), RigError> {
         // A request needs an idle line before it: a latch is one.
+        self.settle();
         self.stepped.step().map_err(|error| failed(&error))?;
         let mut octets = Vec::new();
         for signal in signals {
@@ -143,25 +160,28 @@ impl Rig for BoardRig {
                 Signal::Read => {}
                 Signal::Pause(bits) if bits < BitTimes::SYN => {}
                 Signal::Pause(bits) => {
-                    self.bus.write_all(&std::mem::take(&mut octets)).expect("the board's bus");
-                    // What was sent has to be there before the pause is.
-                    std::thread::sleep(SILENCE);
+                    self.write(&std::mem::take(&mut octets));
+                    self.settle();
                     let pause = self.rate().duration(bits);
                     self.stepped.wait(pause).map_err(|error| failed(&error))?;
                     self.stepped.step().map_err(|error| failed(&error))?;
                 }
             }
         }
-        self.bus.write_all(&octets).expect("the board's bus");
+        self.write(&octets);
         Ok(())
     }
 
     fn listen(&mut self, expect: Expect) -> Result<Heard, RigError> {
         let first = if expect == Expect::Reply { PATIENCE } else { SILENCE };
-        Ok(Heard { octets: self.read(first), delay: None, damaged: false })
+        let octets = self.read(first);
+        // Who answers has heard it all, and so has who was silent for that long.
+        self.unheard = 0;
+        Ok(Heard { octets, delay: None, damaged: false })
     }
 
     fn wait(&mut self, span: Duration) -> Result<Vec<u8>, RigError> {
+        self.settle();
         self.stepped.wait(span).map_err(|error| failed(&error))?;
         Ok(self.read(Time::from_millis(1)))
     }
@@ -175,6 +195,7 @@ impl Rig for BoardRig {
     }
 
     fn act(&mut self, action: &Action) -> Result<(), RigError> {
+        self.settle();
         self.perform(action).map_err(|error| failed(&error))
     }
 }

@@ -116,7 +116,7 @@ fn result(line: &str) -> Option<(&str, bool)> {
         None => (line.strip_prefix("ok ")?, true),
     };
     let (number, name) = rest.split_once(" - ")?;
-    let is_test = number.parse::<usize>().is_ok() && !name.ends_with(".mjs");
+    let is_test = number.parse::<usize>().is_ok() && !name.contains(".mjs");
     is_test.then_some((name, passed))
 }
 

@@ -1,4 +1,5 @@
-//! The front page: each command on it is run, and shows what the page says it shows.
+//! The front page and the first pages of the book: each command on them is run, and shows what the page says it
+//! shows.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
@@ -10,6 +11,15 @@ use crate::master::Terminal;
 use crate::tools::python;
 
 const PAGE: &str = include_str!("../../../../README.md");
+/// Pages of the book that tell their story by commands, and how many each has at least.
+const BOOK: [(&str, usize); 6] = [
+    (include_str!("../../../../docs/start-plc.md"), 5),
+    (include_str!("../../../../docs/start-master.md"), 4),
+    (include_str!("../../../../docs/start-ci.md"), 2),
+    (include_str!("../../../../docs/bus-primer.md"), 1),
+    (include_str!("../../../../docs/device.md"), 2),
+    (include_str!("../../../../docs/troubleshooting.md"), 2),
+];
 /// What `cargo xtask` answers to a word that is no task.
 const XTASK: &str = include_str!("../../../../xtask/src/main.rs");
 
@@ -19,10 +29,10 @@ struct Block {
     lines: Vec<&'static str>,
 }
 
-fn blocks() -> Vec<Block> {
+fn blocks(page: &'static str) -> Vec<Block> {
     let mut blocks = Vec::new();
     let mut open: Option<Block> = None;
-    for line in PAGE.lines() {
+    for line in page.lines() {
         match (line.strip_prefix("```"), &mut open) {
             (Some(_), Some(_)) => blocks.extend(open.take()),
             (Some(language), None) => open = Some(Block { language, lines: Vec::new() }),
@@ -60,6 +70,8 @@ fn in_place(words: Vec<String>, folder: &Path, cable: &str, slave: &str) -> Vec<
     let mut words: Vec<String> = words.into_iter().map(put).collect();
     match words.first().map(String::as_str) {
         None => words.extend(["--seconds".to_owned(), "0.3".to_owned()]),
+        // Other tests want the usual port, too.
+        Some("demo") if words.iter().any(|word| word == "--http") => words.push("127.0.0.1:0".to_owned()),
         // The rest of the cases takes minutes, and has tests of its own.
         Some("conformance") => words.extend(["--case".to_owned(), "1".to_owned()]),
         _ => {}
@@ -77,9 +89,27 @@ fn end_in(folder: &Path, words: &[String]) -> Ended {
 
 #[test]
 fn every_command_works_in_the_order_of_the_page() {
+    let commands = play(PAGE);
+    assert!(commands >= 12, "{commands} commands were found");
+}
+
+#[test]
+fn every_command_of_the_first_pages_of_the_book_works() {
+    for (page, least) in BOOK {
+        let commands = play(page);
+        assert!(
+            commands >= least,
+            "{commands} commands were found in {}",
+            page.lines().next().unwrap_or(page)
+        );
+    }
+}
+
+/// Runs all commands of a page, and gives their number.
+fn play(page: &'static str) -> usize {
     let folder = tempfile::tempdir().expect("a folder");
     let folder = folder.path();
-    let blocks = blocks();
+    let blocks = blocks(page);
     let mut commands = 0;
     for (at, block) in blocks.iter().enumerate().filter(|(_, block)| block.language.is_empty()) {
         let (_far, cable) = Terminal::cable();
@@ -91,10 +121,11 @@ fn every_command_works_in_the_order_of_the_page() {
         for line in block.lines.iter().filter_map(|line| words(line)) {
             commands += 1;
             let line = in_place(line, folder, &cable, &bus);
-            if line.first().is_some_and(|word| word == "run") {
+            let goes_on = line.iter().any(|word| word == "--http");
+            if goes_on || line.first().is_some_and(|word| word == "run") {
                 let mut command = program();
                 let mut encoder = Program::start(command.args(&line).current_dir(folder));
-                encoder.wait_for(&["ready"]);
+                encoder.wait_for(&[if goes_on { "http: http://127.0.0.1:" } else { "ready" }]);
                 running.push(encoder);
             } else {
                 // Nobody types faster; a capture is on the disk within less.
@@ -114,7 +145,7 @@ fn every_command_works_in_the_order_of_the_page() {
         running.into_iter().for_each(Program::end);
         slave.end();
     }
-    assert!(commands >= 12, "{commands} commands were found");
+    commands
 }
 
 #[test]
@@ -144,7 +175,7 @@ fn the_master_in_python_prints_positions() {
     let Some(python) = python("readme::the_master_in_python_prints_positions") else { return };
     let mut encoder = run(["--switches", "05", "--shaft", "constant:60"]);
     let bus = encoder.bus().display().to_string();
-    let script = blocks().into_iter().find(|block| block.language == "python").expect("a script");
+    let script = blocks(PAGE).into_iter().find(|block| block.language == "python").expect("a script");
     let script = script.lines.join("\n");
     assert!(script.contains("/dev/pts/4"), "{script}");
     let mut command = Command::new(python);

@@ -65,7 +65,7 @@ pub struct ShaftFields {
     /// `walk`: turns from the start at most.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within: Option<f64>,
-    /// `playback`: a CSV file with columns of seconds and of units.
+    /// `playback`: a CSV or Parquet file with columns of seconds and of units.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<String>,
     /// `playback`: from its end on again from its start.

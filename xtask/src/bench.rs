@@ -61,7 +61,7 @@ const FIGURES: [Figure; 28] = [
     figure("exchange_cost_10000_over_1", "ratio", AtMost(1.3), Source::Timed("cost-ratio")),
     figure("memory_per_encoder_kib", "KiB", AtMost(4.0), Source::Host("encoder-memory")),
     figure("late_answers_per_100000", "answers", AtMost(10.0), Source::Program("late")),
-    figure("record_capture_cost_ratio", "ratio", Unlimited, Source::Timed("record-capture")),
+    figure("record_capture_cost_ratio", "ratio", AtMost(1.3), Source::Timed("record-capture")),
     figure("device_ram_octets", "octets", AtMost(1536.0), Source::Host("ram")),
 ];
 

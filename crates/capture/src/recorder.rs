@@ -89,6 +89,8 @@ struct Shared {
 struct Store {
     events: Vec<Event>,
     octets: Vec<u8>,
+    /// What the few events are that are no usual ones, in their order.
+    unusual: Vec<What>,
     /// Events that found no room since the last time.
     missing: u64,
     /// Nobody takes anything any more.
@@ -97,12 +99,21 @@ struct Store {
     ending: bool,
 }
 
-/// Something seen; its octets are the next so many.
-#[derive(Debug)]
+/// Something seen; its octets are the next so many. Two of them come with every exchange, so they are small.
+#[derive(Debug, Clone, Copy)]
 struct Event {
     nanos: u64,
-    octets: usize,
-    what: What,
+    octets: u32,
+    is: Is,
+}
+
+/// What an event is, as far as it is a usual one.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Is {
+    Request,
+    Reply,
+    /// The next of those that are told elsewhere.
+    Unusual,
 }
 
 #[derive(Debug)]
@@ -183,13 +194,22 @@ impl Shared {
 impl Tap {
     /// Takes octets of which nobody knows who has sent them.
     pub fn heard(&mut self, at: Instant, octets: &[u8]) {
-        self.keep(at, octets, What::Heard);
+        self.keep(at, octets, Is::Unusual, Some(What::Heard));
     }
 
-    fn keep(&mut self, at: Instant, octets: &[u8], what: What) {
+    fn unusual(&mut self, at: Instant, octets: &[u8], what: What) {
+        self.keep(at, octets, Is::Unusual, Some(what));
+    }
+
+    /// `unusual` stands beside an event that is.
+    fn keep(&mut self, at: Instant, octets: &[u8], is: Is, unusual: Option<What>) {
         let at = at.as_nanos();
         let origin = *self.origin.get_or_insert_with(|| since_1970().saturating_sub(at));
-        let event = Event { nanos: origin.saturating_add(at), octets: octets.len(), what };
+        let event = Event {
+            nanos: origin.saturating_add(at),
+            octets: u32::try_from(octets.len()).unwrap_or(u32::MAX),
+            is,
+        };
         let mut store = self.shared.lock();
         while self.is_virtual && !store.closed && !store.has_room(octets.len()) {
             self.wake();
@@ -200,6 +220,7 @@ impl Tap {
             return;
         }
         store.octets.extend_from_slice(octets);
+        store.unusual.extend(unusual);
         store.events.push(event);
         // Once, on the way to a full one: the writer comes by itself soon enough.
         if store.events.len() == MANY_EVENTS {
@@ -216,22 +237,27 @@ impl Tap {
 
 impl WireTap for Tap {
     fn saw(&mut self, at: Instant, sight: Sight<'_>) {
-        let some = |faults: FaultCounters| (faults != FaultCounters::default()).then(|| Box::new(faults));
+        let quiet = FaultCounters::default();
+        let some = |faults: FaultCounters| (faults != quiet).then(|| Box::new(faults));
         match sight {
-            Sight::Request { octets, faults } => self.keep(at, octets, What::Request(some(faults))),
+            Sight::Request { octets, faults } if faults == quiet => self.keep(at, octets, Is::Request, None),
+            Sight::Request { octets, faults } => self.unusual(at, octets, What::Request(some(faults))),
+            Sight::Reply { octets, faults, collision: false, written: Written::All } if faults == quiet => {
+                self.keep(at, octets, Is::Reply, None);
+            }
             Sight::Reply { octets, faults, collision, written } => {
                 let dropped = match written {
                     Written::All => 0,
                     Written::Dropped(count) => count,
                 };
-                self.keep(at, octets, What::Reply { faults: some(faults), collision, dropped });
+                self.unusual(at, octets, What::Reply { faults: some(faults), collision, dropped });
             }
-            Sight::Overtaken => self.keep(at, &[], What::Overtaken),
-            Sight::TooLate => self.keep(at, &[], What::TooLate),
-            Sight::CharacterError => self.keep(at, &[], What::CharacterError),
-            Sight::MasterCame(rate) => self.keep(at, &[], What::MasterCame(rate)),
-            Sight::Rate(rate) => self.keep(at, &[], What::Rate(rate)),
-            Sight::MasterLeft => self.keep(at, &[], What::MasterLeft),
+            Sight::Overtaken => self.unusual(at, &[], What::Overtaken),
+            Sight::TooLate => self.unusual(at, &[], What::TooLate),
+            Sight::CharacterError => self.unusual(at, &[], What::CharacterError),
+            Sight::MasterCame(rate) => self.unusual(at, &[], What::MasterCame(rate)),
+            Sight::Rate(rate) => self.unusual(at, &[], What::Rate(rate)),
+            Sight::MasterLeft => self.unusual(at, &[], What::MasterLeft),
         }
     }
 }
@@ -239,6 +265,43 @@ impl WireTap for Tap {
 impl Store {
     fn has_room(&self, octets: usize) -> bool {
         self.events.len() < MOST_EVENTS && self.octets.len() + octets <= MOST_OCTETS
+    }
+
+    /// Hands over what waits; this one is empty.
+    fn hand_over(&mut self, taken: &mut Self) {
+        std::mem::swap(&mut taken.events, &mut self.events);
+        std::mem::swap(&mut taken.octets, &mut self.octets);
+        std::mem::swap(&mut taken.unusual, &mut self.unusual);
+        taken.missing = std::mem::take(&mut self.missing);
+    }
+
+    /// Tells every event with its octets, and forgets it.
+    fn drain(&mut self, mut tell: impl FnMut(u64, &What, &[u8])) {
+        let mut rest = self.octets.as_slice();
+        let mut unusual = self.unusual.drain(..);
+        for event in self.events.drain(..) {
+            let (octets, others) = rest.split_at(event.octets as usize);
+            rest = others;
+            match event.is {
+                Is::Request => tell(event.nanos, &What::Request(None), octets),
+                Is::Reply => {
+                    tell(event.nanos, &What::Reply { faults: None, collision: false, dropped: 0 }, octets);
+                }
+                Is::Unusual => {
+                    if let Some(what) = unusual.next() {
+                        tell(event.nanos, &what, octets);
+                    }
+                }
+            }
+        }
+        drop(unusual);
+        self.octets.clear();
+    }
+
+    fn forget(&mut self) {
+        self.events.clear();
+        self.octets.clear();
+        self.unusual.clear();
     }
 }
 
@@ -261,9 +324,7 @@ impl Work {
         loop {
             {
                 let mut store = shared.lock();
-                std::mem::swap(&mut taken.events, &mut store.events);
-                std::mem::swap(&mut taken.octets, &mut store.octets);
-                taken.missing = std::mem::take(&mut store.missing);
+                store.hand_over(&mut taken);
                 taken.ending = store.ending;
                 store.closed |= self.report.error.is_some();
             }
@@ -284,8 +345,7 @@ impl Work {
         let Self { writer, assembler, report } = self;
         if report.error.is_some() {
             report.missing += taken.events.len() as u64;
-            taken.events.clear();
-            taken.octets.clear();
+            taken.forget();
             return Ok(());
         }
         let mut result = Ok(());
@@ -296,13 +356,11 @@ impl Work {
             }
         };
         let nothing_new = taken.events.is_empty();
-        let (mut rest, mut last) = (taken.octets.as_slice(), 0);
-        for event in taken.events.drain(..) {
-            let (octets, others) = rest.split_at(event.octets);
-            rest = others;
-            last = event.nanos;
-            tell(assembler, &event, octets, &mut take);
-        }
+        let mut last = 0;
+        taken.drain(|nanos, what, octets| {
+            last = nanos;
+            tell(assembler, nanos, what, octets, &mut take);
+        });
         if taken.missing > 0 {
             assembler.finish(&mut take);
             let words = format!("{} events are missing here: the disk was too slow", taken.missing);
@@ -313,16 +371,14 @@ impl Work {
         } else if !is_virtual && nothing_new {
             assembler.pass(since_1970(), &mut take);
         }
-        taken.octets.clear();
         result?;
         writer.flush()
     }
 }
 
 /// An event as packets.
-fn tell(assembler: &mut Assembler, event: &Event, octets: &[u8], take: &mut dyn FnMut(Packet)) {
-    let nanos = event.nanos;
-    let (direction, faults) = match &event.what {
+fn tell(assembler: &mut Assembler, nanos: u64, what: &What, octets: &[u8], take: &mut dyn FnMut(Packet)) {
+    let (direction, faults) = match what {
         What::Heard => (None, Faults::default()),
         What::Request(_) => (Some(Direction::Request), Faults::default()),
         What::Reply { .. } => (Some(Direction::Reply), Faults::default()),
@@ -335,8 +391,8 @@ fn tell(assembler: &mut Assembler, event: &Event, octets: &[u8], take: &mut dyn 
             (None, Faults::default())
         }
     };
-    let comments = words::of(&event.what, octets.len());
-    if direction.is_some() || matches!(event.what, What::Heard) {
+    let comments = words::of(what, octets.len());
+    if direction.is_some() || matches!(what, What::Heard) {
         assembler.push(nanos, direction, octets, comments, take);
     } else {
         take(Packet { nanos, direction, faults, comments, ..Packet::default() });

@@ -20,15 +20,17 @@ impl<S: Station> VirtualSegment<S> {
             self.put_failing_request_on_line(start, octets, fresh);
         } else if self.tap.is_none() {
             self.put_on_line(start, octets, None, self.faults.is_active());
+        } else if !self.faults.is_active() {
+            self.put_on_line(start, octets, None, false);
+            self.tap_request(start, octets, FaultCounters::default());
         } else {
             let before = self.faults.counters();
-            self.put_on_line(start, octets, None, self.faults.is_active());
+            self.put_on_line(start, octets, None, true);
             // Only now it is known whether anybody was to hear them.
             self.tap_request(start, octets, self.faults.counters().since(&before));
         }
     }
 
-    #[cold]
     fn tap_request(&mut self, at: Instant, octets: &[u8], faults: FaultCounters) {
         if let Some(tap) = &mut self.tap {
             tap.saw(at, Sight::Request { octets, faults });

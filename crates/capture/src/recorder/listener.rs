@@ -30,22 +30,11 @@ impl Listener {
     /// What has come since the last time; `now` is the time on the segment. Says how many events are missing.
     pub fn take(&mut self, now: Instant, take: &mut dyn FnMut(Packet)) -> u64 {
         let Self { shared, taken, assembler } = self;
-        {
-            let mut store = shared.lock();
-            std::mem::swap(&mut taken.events, &mut store.events);
-            std::mem::swap(&mut taken.octets, &mut store.octets);
-            taken.missing = std::mem::take(&mut store.missing);
-        }
+        shared.lock().hand_over(taken);
         if taken.events.is_empty() {
             assembler.pass(now.as_nanos(), take);
         }
-        let mut rest = taken.octets.as_slice();
-        for event in taken.events.drain(..) {
-            let (octets, others) = rest.split_at(event.octets);
-            rest = others;
-            tell(assembler, &event, octets, take);
-        }
-        taken.octets.clear();
+        taken.drain(|nanos, what, octets| tell(assembler, nanos, what, octets, take));
         if taken.missing > 0 {
             assembler.finish(take);
         }

@@ -92,9 +92,7 @@ impl Driven {
     fn sample(&mut self, timer: &Timer) -> u32 {
         self.latch += LATCH;
         self.shaft = self.shaft.wrapping_add(1638);
-        let (bus, half, now) = (&mut self.bus, &mut self.half, self.latch);
-        let reading = ShaftReading::Singleturn(self.shaft);
-        timer.count(|| sample(bus, half, now, reading))
+        timer.count(|| sample(self))
     }
 
     /// A telegram octet by octet, after some silence; the reply's length.
@@ -119,7 +117,7 @@ impl Driven {
     }
 }
 
-// As the firmware's interrupts call them: not inlined into what measures.
+// As the firmware's interrupts call them: not inlined into what measures, and with the halves where they lie.
 
 #[inline(never)]
 fn receive(bus: &mut BusHalf, now: Instant, octet: u8) -> Option<Window> {
@@ -141,8 +139,9 @@ fn reply(bus: &mut BusHalf, now: Instant, octet: u8) -> Option<usize> {
 }
 
 #[inline(never)]
-fn sample(bus: &mut BusHalf, half: &mut ShaftHalf, now: Instant, reading: ShaftReading) -> bool {
-    let changed = half.sample(now, reading, &mut ());
-    bus.show(half.inputs());
+fn sample(driven: &mut Driven) -> bool {
+    let reading = ShaftReading::Singleturn(driven.shaft);
+    let changed = driven.half.sample(driven.latch, reading, &mut ());
+    driven.bus.show(driven.half.inputs());
     changed
 }

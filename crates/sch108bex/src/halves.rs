@@ -199,12 +199,11 @@ impl ShaftHalf {
     #[inline]
     pub fn sample(&mut self, now: Instant, reading: ShaftReading, observer: &mut impl Observer) -> bool {
         let before = self.sensor.alarms();
-        self.sensor.sample(now, reading, observer);
-        let changed = self.sensor.alarms() != before;
-        if changed {
-            self.changed_from(before);
+        if !self.sensor.sample(now, reading, observer) || self.sensor.alarms() == before {
+            return false;
         }
-        changed
+        self.changed_from(before);
+        true
     }
 
     /// Does what the bus asks. The image and the health have to be carried over then.
@@ -265,6 +264,7 @@ impl ShaftHalf {
 
     /// Reading "Position error": stored at once.
     #[cold]
+    #[inline(never)]
     fn changed_from(&mut self, before: Alarms) {
         if (self.sensor.alarms() - before).contains(Alarms::POSITION_ERROR) {
             self.memory.force();

@@ -1,7 +1,7 @@
 //! The bench page in a real browser: `crates/web/tests/browser`, and the pictures of the docs that it makes.
 
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::Duration;
 
@@ -116,7 +116,8 @@ fn result(line: &str) -> Option<(&str, bool)> {
         None => (line.strip_prefix("ok ")?, true),
     };
     let (number, name) = rest.split_once(" - ")?;
-    let is_test = number.parse::<usize>().is_ok() && !name.contains(".mjs");
+    let is_file = Path::new(name).extension().is_some_and(|end| end == "mjs");
+    let is_test = number.parse::<usize>().is_ok() && !is_file;
     is_test.then_some((name, passed))
 }
 

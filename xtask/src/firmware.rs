@@ -144,14 +144,16 @@ pub(crate) fn shipped_image(project: &Project, tools: &Tools) -> Result<PathBuf,
     Ok(SHIPPED.image(project, ""))
 }
 
-/// `cargo clippy` of the firmware's workspace, for each board.
+/// `cargo clippy` of the firmware's workspace: what a board runs for each board, and what measures it for the host.
 pub(crate) fn clippy(project: &Project, thumb: &Thumb) -> Vec<Command> {
     let board = |board: &Board| {
         let mut cargo = thumb.cargo_at(project, "clippy", MANIFEST, "firmware");
-        cargo.args(["--workspace", "--features", board.name]);
+        cargo.args(["--package", "firmware", "--package", "logic", "--features", board.name]);
         cargo
     };
-    BOARDS.map(board).into()
+    let mut measure = project.cargo(["clippy", "--package", "measure", "--manifest-path", MANIFEST]);
+    measure.arg("--target-dir").arg(project.target.join("firmware-logic"));
+    BOARDS.map(board).into_iter().chain([measure]).collect()
 }
 
 /// The tests of the firmware's logic, on the host.

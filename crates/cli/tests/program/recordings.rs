@@ -157,9 +157,9 @@ fn what_cannot_be_drawn_is_told_in_one_sentence() {
     let unknown = plot(&empty, &["--columns", "position,speed"]);
     assert_eq!(unknown.status, Some(2));
     assert!(unknown.errors.contains("there are position, velocity, acceleration"), "{}", unknown.errors);
-    let named = end_of(program().args(["run", "--record", "it.txt"]));
-    assert_eq!(named.status, Some(2), "{named:?}");
-    assert!(named.errors.contains("--record: it.txt does not say what to write"), "{}", named.errors);
+    let refused = end_of(program().args(["run", "--record", "it.txt"]));
+    assert_eq!(refused.status, Some(2), "{refused:?}");
+    assert!(refused.errors.contains("--record: it.txt does not say what to write"), "{}", refused.errors);
     let quick = end_of(program().args(["run", "--record", "it.csv", "--record-every", "0.4"]));
     assert_eq!(quick.status, Some(2), "{quick:?}");
 }

@@ -152,8 +152,11 @@ function makeRows(log) {
     const to = Math.max(0, Math.min(shown.length - 1, from + by));
     follow = false;
     choose(shown[to]);
+    // Telegrams may have come since the last frame: without their height the end would be in the way.
+    space.style.height = `${shown.length * ROW}px`;
     if (to * ROW < list.scrollTop) list.scrollTop = to * ROW;
     if ((to + 1) * ROW > list.scrollTop + list.clientHeight) list.scrollTop = (to + 1) * ROW - list.clientHeight;
+    own = list.scrollTop;
   });
   return self;
 }
